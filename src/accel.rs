@@ -1,0 +1,283 @@
+//! Ray queries on the scene: the only file that names obvhs.
+
+use crate::scene::{Located, PrimitiveId, Quadric, Scene};
+use glam::{Vec3, Vec3A};
+use obvhs::aabb::Aabb;
+use obvhs::cwbvh::CwBvh;
+use obvhs::cwbvh::builder::build_cwbvh;
+use obvhs::ray::{Ray, RayHit};
+use obvhs::{Boundable, BvhBuildParams};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// How far a ray starts off the surface that it leaves, in scene units (the scene is 1 in size; coordinates are exact
+/// to 3e-8).
+pub const RAY_OFFSET: f32 = 5e-7;
+
+/// Barycentric slack of the triangle test: neighbours overlap by this instead of leaving a crack.
+const EDGE_SLACK: f32 = 2e-7;
+
+/// Where a ray first meets a surface.
+#[derive(Debug, Clone, Copy)]
+pub struct Hit {
+    /// Distance along the ray's direction, in lengths of that direction.
+    pub t: f32,
+    /// Position, scene space.
+    pub position: Vec3,
+    /// Unit geometric normal of the front side.
+    pub normal: Vec3,
+    /// Unit shading normal, on the same side as `normal`.
+    pub shading_normal: Vec3,
+    /// Which primitive.
+    pub primitive: PrimitiveId,
+    /// Its material.
+    pub material: u32,
+    /// Whether the ray met the front side.
+    pub front: bool,
+}
+
+/// A triangle prepared for intersection.
+#[derive(Debug, Clone, Copy)]
+struct Tri {
+    v0: Vec3A,
+    e1: Vec3A,
+    e2: Vec3A,
+}
+
+/// Bounding volume hierarchy over every primitive of a scene.
+pub struct Accel {
+    scene: Arc<Scene>,
+    bvh: CwBvh,
+    /// Triangles in the order of the BVH's leaves, beside the primitive each leaf entry is.
+    triangles: Vec<Tri>,
+    leaves: Vec<PrimitiveId>,
+    triangle_count: u32,
+}
+
+struct Bounds(Aabb);
+
+impl Boundable for Bounds {
+    fn aabb(&self) -> Aabb {
+        self.0
+    }
+}
+
+impl Accel {
+    /// Builds the hierarchy.
+    pub fn new(scene: Arc<Scene>) -> Self {
+        let bounds: Vec<Bounds> =
+            (0..scene.primitive_count() as u32).map(|p| Bounds(primitive_bounds(&scene, p))).collect();
+        let bvh = build_cwbvh(&bounds, BvhBuildParams::medium_build(), &mut Duration::default());
+        let leaves: Vec<PrimitiveId> = bvh.primitive_indices.clone();
+        let triangle_count = scene.triangles.len() as u32;
+        let empty = Tri { v0: Vec3A::ZERO, e1: Vec3A::ZERO, e2: Vec3A::ZERO };
+        let triangles = leaves
+            .iter()
+            .map(|&p| match scene.triangles.get(p as usize) {
+                Some(&[a, b, c]) => Tri { v0: a.into(), e1: (b - a).into(), e2: (c - a).into() },
+                None => empty,
+            })
+            .collect();
+        Self { scene, bvh, triangles, leaves, triangle_count }
+    }
+
+    /// The scene that the hierarchy was built over.
+    pub fn scene(&self) -> &Arc<Scene> {
+        &self.scene
+    }
+
+    /// The nearest surface with `0 < t < tmax`. `origin` must already be offset from the surface that the ray leaves
+    /// (see [`offset_origin`]).
+    pub fn closest_hit(&self, origin: Vec3, direction: Vec3, tmax: f32) -> Option<Hit> {
+        let ray = Ray::new(origin.into(), direction.into(), 0.0, tmax);
+        let mut found = RayHit::none();
+        self.bvh.ray_traverse(ray, &mut found, |ray, i| self.intersect(ray, i)).then(|| {
+            let leaf = found.primitive_id as usize;
+            self.complete(&ray, leaf, found.t)
+        })
+    }
+
+    /// Whether any surface blocks the ray at `0 < t < tmax`.
+    pub fn occluded(&self, origin: Vec3, direction: Vec3, tmax: f32) -> bool {
+        let ray = Ray::new(origin.into(), direction.into(), 0.0, tmax);
+        !self.bvh.ray_traverse_miss(ray, |ray, i| self.intersect(ray, i))
+    }
+
+    /// Whether anything stands between two points that have already been offset from their surfaces.
+    pub fn segment_occluded(&self, from: Vec3, to: Vec3) -> bool {
+        self.occluded(from, to - from, 1.0 - 1e-6)
+    }
+
+    fn intersect(&self, ray: &Ray, leaf: usize) -> f32 {
+        let primitive = self.leaves[leaf];
+        if primitive < self.triangle_count {
+            return intersect_triangle(&self.triangles[leaf], ray);
+        }
+        match self.scene.locate(primitive) {
+            Located::Triangle(_) => f32::INFINITY,
+            Located::Sphere(i) => intersect_sphere(&self.scene.spheres[i], ray),
+            Located::Cuboid(i) => intersect_cuboid(&self.scene.cuboids[i], ray),
+        }
+    }
+
+    /// Position and normals of a hit that traversal found.
+    fn complete(&self, ray: &Ray, leaf: usize, t: f32) -> Hit {
+        let primitive = self.leaves[leaf];
+        let along = ray.origin + ray.direction * t;
+        let (position, normal, shading) = match self.scene.locate(primitive) {
+            Located::Triangle(i) => self.triangle_surface(i, &self.triangles[leaf], ray),
+            Located::Sphere(i) => {
+                let (p, n) = sphere_surface(&self.scene.spheres[i], along);
+                (p, n, n)
+            }
+            Located::Cuboid(i) => {
+                let (p, n) = cuboid_surface(&self.scene.cuboids[i], along);
+                (p, n, n)
+            }
+        };
+        let front = normal.dot(ray.direction) < 0.0;
+        let material = self.scene.primitive_material(primitive);
+        let shading_normal = if shading.dot(normal) > 0.0 { shading } else { normal };
+        Hit {
+            t,
+            position: position.into(),
+            normal: normal.into(),
+            shading_normal: shading_normal.into(),
+            primitive,
+            material,
+            front,
+        }
+    }
+
+    /// Barycentric position (more exact than origin + t direction), face normal and interpolated normal.
+    fn triangle_surface(&self, i: usize, tri: &Tri, ray: &Ray) -> (Vec3A, Vec3A, Vec3A) {
+        let (u, v) = barycentrics(tri, ray);
+        let normal = tri.e1.cross(tri.e2).normalize();
+        let shading = match self.scene.normals.get(i) {
+            Some(&[a, b, c]) => Vec3A::from(a * (1.0 - u - v) + b * u + c * v).normalize_or(normal),
+            None => normal,
+        };
+        (tri.v0 + tri.e1 * u + tri.e2 * v, normal, shading)
+    }
+}
+
+/// Moves a surface point to the side that `direction` leaves for, along the geometric normal.
+pub fn offset_origin(position: Vec3, normal: Vec3, direction: Vec3) -> Vec3 {
+    position + normal * RAY_OFFSET.copysign(normal.dot(direction))
+}
+
+fn primitive_bounds(scene: &Scene, primitive: PrimitiveId) -> Aabb {
+    let around = |q: &Quadric, round: bool| {
+        let m = q.to_scene.matrix3;
+        let row = |i: usize| Vec3::new(m.x_axis[i], m.y_axis[i], m.z_axis[i]);
+        let size = |v: Vec3| if round { v.length() } else { v.abs().element_sum() };
+        let extent = Vec3A::new(size(row(0)), size(row(1)), size(row(2))) * (1.0 + 1e-6);
+        Aabb::new(q.to_scene.translation - extent, q.to_scene.translation + extent)
+    };
+    match scene.locate(primitive) {
+        Located::Triangle(i) => {
+            let [a, b, c] = scene.triangles[i];
+            // A hair more than the corners: flat boxes on an axis plane stay hittable after rounding.
+            let hair = Vec3A::splat(1e-7);
+            Aabb::new((a.min(b).min(c)).into(), (a.max(b).max(c)).into()).padded(hair)
+        }
+        Located::Sphere(i) => around(&scene.spheres[i], true),
+        Located::Cuboid(i) => around(&scene.cuboids[i], false),
+    }
+}
+
+trait Padded {
+    fn padded(self, by: Vec3A) -> Self;
+}
+
+impl Padded for Aabb {
+    fn padded(self, by: Vec3A) -> Self {
+        Aabb::new(self.min - by, self.max + by)
+    }
+}
+
+/// Moeller and Trumbore (1997), with [`EDGE_SLACK`].
+#[inline]
+fn intersect_triangle(tri: &Tri, ray: &Ray) -> f32 {
+    let p = ray.direction.cross(tri.e2);
+    let det = tri.e1.dot(p);
+    if det == 0.0 {
+        return f32::INFINITY;
+    }
+    let inv = 1.0 / det;
+    let s = ray.origin - tri.v0;
+    let u = s.dot(p) * inv;
+    let q = s.cross(tri.e1);
+    let v = ray.direction.dot(q) * inv;
+    let t = tri.e2.dot(q) * inv;
+    let inside = u >= -EDGE_SLACK && v >= -EDGE_SLACK && u + v <= 1.0 + EDGE_SLACK;
+    if inside && t > ray.tmin { t } else { f32::INFINITY }
+}
+
+fn barycentrics(tri: &Tri, ray: &Ray) -> (f32, f32) {
+    let p = ray.direction.cross(tri.e2);
+    let inv = 1.0 / tri.e1.dot(p);
+    let s = ray.origin - tri.v0;
+    let u = (s.dot(p) * inv).clamp(0.0, 1.0);
+    let v = (ray.direction.dot(s.cross(tri.e1)) * inv).clamp(0.0, 1.0 - u);
+    (u, v)
+}
+
+/// Distance to a transformed unit sphere. The discriminant uses the point of the ray nearest to the centre, so that a
+/// small sphere far away keeps its precision (Haines et al., Ray Tracing Gems, chapter 7).
+fn intersect_sphere(q: &Quadric, ray: &Ray) -> f32 {
+    let o = q.to_object.transform_point3a(ray.origin);
+    let d = q.to_object.transform_vector3a(ray.direction);
+    let a = d.length_squared();
+    let nearest = -o.dot(d) / a;
+    let closest = o + d * nearest;
+    let remainder = 1.0 - closest.length_squared();
+    if remainder < 0.0 {
+        return f32::INFINITY;
+    }
+    let half = (remainder / a).sqrt();
+    nearest_after(ray.tmin, nearest - half, nearest + half)
+}
+
+fn intersect_cuboid(q: &Quadric, ray: &Ray) -> f32 {
+    let o = q.to_object.transform_point3a(ray.origin);
+    let d = q.to_object.transform_vector3a(ray.direction);
+    let inv = d.recip();
+    let (a, b) = ((-Vec3A::ONE - o) * inv, (Vec3A::ONE - o) * inv);
+    let enter = a.min(b).max_element();
+    let leave = a.max(b).min_element();
+    if enter > leave || leave.is_nan() || enter.is_nan() {
+        return f32::INFINITY;
+    }
+    nearest_after(ray.tmin, enter, leave)
+}
+
+fn nearest_after(tmin: f32, first: f32, second: f32) -> f32 {
+    if first > tmin {
+        first
+    } else if second > tmin {
+        second
+    } else {
+        f32::INFINITY
+    }
+}
+
+fn sphere_surface(q: &Quadric, at: Vec3A) -> (Vec3A, Vec3A) {
+    let o = q.to_object.transform_point3a(at).normalize();
+    (q.to_scene.transform_point3a(o), object_normal(q, o))
+}
+
+fn cuboid_surface(q: &Quadric, at: Vec3A) -> (Vec3A, Vec3A) {
+    let o = q.to_object.transform_point3a(at);
+    let axis = o.abs().max_position();
+    let mut n = Vec3A::ZERO;
+    n[axis] = 1f32.copysign(o[axis]);
+    let mut snapped = o.clamp(-Vec3A::ONE, Vec3A::ONE);
+    snapped[axis] = n[axis];
+    (q.to_scene.transform_point3a(snapped), object_normal(q, n))
+}
+
+/// Normals transform by the inverse transpose.
+fn object_normal(q: &Quadric, n: Vec3A) -> Vec3A {
+    (q.to_object.matrix3.transpose() * n).normalize()
+}

@@ -1,0 +1,2 @@
+//! The `surflux` command.
+fn main() {}

@@ -1,0 +1,3 @@
+//! Surfels: the directly lit surfaces as a cloud of small discs (or the thesis's triangles).
+
+pub mod cloud;

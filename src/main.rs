@@ -1,2 +1,1 @@
-//! The `surflux` command.
-fn main() {}
+fn main(){}

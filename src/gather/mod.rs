@@ -1,8 +1,11 @@
 //! Gathering irradiance: one trait, several methods.
 
-use crate::error::Result;
+pub mod cpu;
+pub mod order;
+
+use crate::error::{Error, Result};
 use crate::hemicube::atlas::IdAtlas;
-use crate::hemicube::frame::Receiver;
+use crate::hemicube::frame::{MAX_RESOLUTION, MIN_RESOLUTION, Receiver};
 use glam::Vec3;
 
 /// Receivers to be gathered in one go.
@@ -12,6 +15,19 @@ pub struct Batch {
     pub first: usize,
     /// The receivers.
     pub receivers: Vec<Receiver>,
+    /// Consecutive runs of receivers that share a cut; they cover all receivers. Empty: every receiver sees all surfels.
+    pub groups: Vec<Group>,
+    /// Drawables of all cuts, one after another.
+    pub cuts: Vec<u32>,
+}
+
+/// A run of receivers and their cut.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Group {
+    /// Number of receivers.
+    pub receivers: u32,
+    /// Number of drawables: the cut follows those of the groups before in [`Batch::cuts`].
+    pub drawables: u32,
 }
 
 /// What a gatherer found for a batch.
@@ -52,4 +68,17 @@ pub trait Gatherer: Send {
     /// # Errors
     /// When the device fails.
     fn finish(&mut self) -> Result<Option<Gathered>>;
+}
+
+/// Refuses a face resolution that no hemicube can have.
+///
+/// # Errors
+/// [`Error::Usage`] unless `resolution` is even and within [`MIN_RESOLUTION`]..=[`MAX_RESOLUTION`].
+pub fn check_resolution(resolution: u32) -> Result<()> {
+    if resolution.is_multiple_of(2) && (MIN_RESOLUTION..=MAX_RESOLUTION).contains(&resolution) {
+        return Ok(());
+    }
+    Err(Error::Usage(format!(
+        "face resolution {resolution}: it must be even, from {MIN_RESOLUTION} to {MAX_RESOLUTION}"
+    )))
 }

@@ -3,6 +3,9 @@
 //! Both rasterisers (CPU and Vulkan) follow this module to the letter and give the same ids.
 
 pub mod atlas;
+pub mod convolve;
 pub mod cover;
 pub mod frame;
+pub mod lanes;
+pub mod raster;
 pub mod weights;

@@ -89,15 +89,4 @@ impl SurfelCloud {
     pub fn splats(&self) -> Vec<Splat> {
         (0..self.len()).map(|i| self.splat(i)).collect()
     }
-
-    /// Radiance that surfel `i` shows to a receiver at `from`. A one-sided surfel is black from behind.
-    pub fn radiance_towards(&self, i: usize, from: Vec3) -> Vec3 {
-        if self.normal[i].dot(from - self.position[i]) > 0.0 {
-            self.radiance[i]
-        } else if self.flags[i] & FLAG_TWO_SIDED != 0 {
-            self.back_radiance[i]
-        } else {
-            Vec3::ZERO
-        }
-    }
 }

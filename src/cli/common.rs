@@ -1,0 +1,247 @@
+//! Options that several commands share.
+
+use crate::error::{Error, Result};
+use crate::gather::device::DeviceRequest;
+use crate::hemicube::frame::{MAX_RESOLUTION, MIN_RESOLUTION};
+use crate::progress::Reporter;
+use crate::run::Run;
+use crate::scene::load::{default_framing, load};
+use crate::scene::{Camera, PunctualEmission, PunctualLight, Scene, SceneDescription};
+use crate::settings::{BatchSize, Bounces, Emitters, GatherMethod, Settings, SurfelDensity};
+use crate::surfel::cloud::{SurfelCloud, SurfelShape};
+use clap::Args;
+use glam::{DVec3, Vec3};
+use std::path::PathBuf;
+
+/// The scene and what the command line adds to it.
+#[derive(Debug, Args)]
+pub struct SceneArgs {
+    /// Scene files (.pov, .obj); several are one scene
+    #[arg(required = true, value_name = "SCENE")]
+    pub scenes: Vec<PathBuf>,
+
+    /// Add a point light: position and intensity (W sr-1, inverse square); may be repeated
+    #[arg(long, value_name = "X,Y,Z,R,G,B", allow_hyphen_values = true, value_parser = numbers::<6>)]
+    pub point_light: Vec<[f64; 6]>,
+
+    /// Radiance of whatever no surface hides, instead of the scene's own
+    #[arg(long, value_name = "R,G,B", value_parser = numbers::<3>)]
+    pub background: Option<[f64; 3]>,
+}
+
+/// Where the camera stands, for scenes without one or to replace the scene's own.
+#[derive(Debug, Args)]
+pub struct CameraArgs {
+    /// The camera's position
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = numbers::<3>, requires = "look_at")]
+    pub look_from: Option<[f64; 3]>,
+
+    /// The point that the camera looks at
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = numbers::<3>, requires = "look_from")]
+    pub look_at: Option<[f64; 3]>,
+
+    /// The direction that is up in the picture
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = numbers::<3>, default_value = "0,1,0")]
+    pub up: [f64; 3],
+
+    /// Horizontal field of view, degrees
+    #[arg(long, value_name = "DEGREES", default_value_t = 40.0, value_parser = field_of_view)]
+    pub fov: f64,
+}
+
+/// How light is transported.
+#[derive(Debug, Args)]
+pub struct TransportArgs {
+    /// What gathers: auto (best GPU, else the CPU), cpu, vulkan, or an index or name that `surflux devices` lists
+    #[arg(long, default_value = "auto", allow_hyphen_values = true)]
+    pub device: DeviceRequest,
+
+    /// How indirect light is gathered
+    #[arg(long, value_enum, default_value_t)]
+    pub gather: GatherMethod,
+
+    /// Pixels along a hemicube face's edge: even, 4 to 256
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = face_resolution)]
+    pub face_resolution: u32,
+
+    /// Number of surfels, shared among primitives by area [default: 14000]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), group = "density")]
+    pub surfels: Option<u64>,
+
+    /// Distance between neighbouring surfels, in scene units
+    #[arg(long, value_name = "DISTANCE", value_parser = positive, group = "density")]
+    pub surfel_spacing: Option<f64>,
+
+    /// Number of surfels on each primitive (six times as many on a box)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), group = "density")]
+    pub surfels_per_primitive: Option<u64>,
+
+    /// Load the surfels from a file that `surflux surfels` wrote
+    #[arg(long, value_name = "CLOUD.sfx", group = "density")]
+    pub surfel_cloud: Option<PathBuf>,
+
+    /// Shape of a surfel
+    #[arg(long, value_enum, default_value = "disc")]
+    pub surfel_shape: SurfelShape,
+
+    /// Number of indirect bounces, or 'inf'
+    #[arg(long, value_name = "K|inf", default_value = "1")]
+    pub bounces: Bounces,
+
+    /// Shadow rays a light and shading point
+    #[arg(long, value_name = "S", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub light_samples: u32,
+
+    /// Rays of a Monte Carlo gather
+    #[arg(long, value_name = "S", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
+    pub gather_samples: u32,
+
+    /// Hemicubes a batch
+    #[arg(long, value_name = "N|auto", default_value = "auto")]
+    pub batch: BatchSize,
+
+    /// Batches under way on the device at once
+    #[arg(long, value_name = "K", default_value_t = 3, value_parser = frames_in_flight)]
+    pub frames_in_flight: usize,
+
+    /// Seed of all random choices
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u32,
+
+    /// Worker threads; 0 takes one for each core. The result does not depend on it
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = threads)]
+    pub threads: usize,
+
+    /// Let the Vulkan validation layers watch the device's work (slow)
+    #[arg(long)]
+    pub validate: bool,
+}
+
+/// What is said on standard error.
+#[derive(Debug, Args)]
+pub struct MessageArgs {
+    /// Say nothing but errors
+    #[arg(short, long, conflicts_with = "verbose")]
+    pub quiet: bool,
+
+    /// Say which features the scene uses and how the work is done
+    #[arg(short, long)]
+    pub verbose: bool,
+}
+
+impl SceneArgs {
+    /// Loads the files, adds the command line's lights, and reports the loaders' remarks.
+    pub fn load(&self, run: &Run) -> Result<SceneDescription> {
+        let mut description = load(&self.scenes)?;
+        description.lights.extend(self.point_light.iter().map(point_light));
+        if let Some(background) = self.background {
+            description.background = DVec3::from(background).as_vec3();
+        }
+        description.warnings.drain(..).for_each(|w| run.reporter.warn(&w));
+        Ok(description)
+    }
+}
+
+impl CameraArgs {
+    /// The command line's camera, else the scene's, else one that shows everything.
+    pub fn camera(&self, description: &SceneDescription) -> Result<Camera> {
+        match (self.look_from, self.look_at) {
+            (Some(from), Some(at)) => Camera::look_at(from.into(), at.into(), self.up.into(), self.fov),
+            _ => Ok(description.camera.clone().unwrap_or_else(|| default_framing(description))),
+        }
+    }
+}
+
+impl TransportArgs {
+    /// The settings of the transport.
+    pub fn settings(&self) -> Settings {
+        let density = match (self.surfel_spacing, self.surfels_per_primitive, self.surfels) {
+            (Some(d), _, _) => SurfelDensity::Spacing(d),
+            (_, Some(n), _) => SurfelDensity::PerPrimitive(n),
+            (_, _, n) => SurfelDensity::Count(n.unwrap_or(14_000)),
+        };
+        Settings {
+            device: self.device.clone(),
+            gather: if self.bounces == Bounces::Count(0) { GatherMethod::None } else { self.gather },
+            face_resolution: self.face_resolution,
+            density,
+            shape: self.surfel_shape,
+            bounces: self.bounces,
+            emitters: Emitters::Sample,
+            light_samples: self.light_samples,
+            gather_samples: self.gather_samples,
+            batch: self.batch,
+            frames_in_flight: self.frames_in_flight,
+            seed: self.seed,
+            validation: self.validate,
+        }
+    }
+
+    /// The surfel cloud of `--surfel-cloud`, if given.
+    pub fn cloud(&self, scene: &Scene) -> Result<Option<SurfelCloud>> {
+        self.surfel_cloud.as_ref().map(|path| crate::surfel::file::read(path, scene)).transpose()
+    }
+}
+
+impl MessageArgs {
+    /// Companions of the run.
+    pub fn run(&self) -> Run {
+        Run { reporter: Reporter::new(self.quiet, self.verbose), ..Run::default() }
+    }
+}
+
+fn point_light(v: &[f64; 6]) -> PunctualLight<DVec3> {
+    let intensity = Vec3::new(v[3] as f32, v[4] as f32, v[5] as f32);
+    PunctualLight {
+        position: DVec3::new(v[0], v[1], v[2]),
+        emission: PunctualEmission::Intensity(intensity),
+        area: None,
+    }
+}
+
+/// Parses `K` finite numbers, separated by commas.
+fn numbers<const K: usize>(text: &str) -> std::result::Result<[f64; K], String> {
+    let values: Vec<f64> = text
+        .split(',')
+        .map(|part| part.trim().parse::<f64>().ok().filter(|v| v.is_finite()))
+        .collect::<Option<_>>()
+        .ok_or_else(|| format!("expected {K} finite numbers, separated by commas"))?;
+    values.try_into().map_err(|_| format!("expected exactly {K} numbers"))
+}
+
+fn positive(text: &str) -> std::result::Result<f64, String> {
+    text.parse::<f64>()
+        .ok()
+        .filter(|v| v.is_finite() && *v > 0.0)
+        .ok_or_else(|| format!("must be a finite number above 0, not '{text}'"))
+}
+
+fn field_of_view(text: &str) -> std::result::Result<f64, String> {
+    positive(text).ok().filter(|v| *v < 179.9).ok_or_else(|| "must lie between 0 and 179.9 degrees".into())
+}
+
+fn face_resolution(text: &str) -> std::result::Result<u32, String> {
+    text.parse::<u32>()
+        .ok()
+        .filter(|n| n % 2 == 0 && (MIN_RESOLUTION..=MAX_RESOLUTION).contains(n))
+        .ok_or_else(|| format!("must be even and from {MIN_RESOLUTION} to {MAX_RESOLUTION}, not '{text}'"))
+}
+
+fn frames_in_flight(text: &str) -> std::result::Result<usize, String> {
+    text.parse::<usize>().ok().filter(|n| (1..=16).contains(n)).ok_or_else(|| "must be from 1 to 16".into())
+}
+
+fn threads(text: &str) -> std::result::Result<usize, String> {
+    text.parse::<usize>().ok().filter(|n| *n <= 1024).ok_or_else(|| "must be from 0 to 1024".into())
+}
+
+/// A failure of the whole scene names its files.
+pub fn build_scene(description: &SceneDescription, args: &SceneArgs) -> Result<Scene> {
+    Scene::new(description).map_err(|error| match error {
+        Error::Usage(message) => {
+            let files: Vec<String> = args.scenes.iter().map(|p| p.display().to_string()).collect();
+            Error::Usage(format!("{}: {message}", files.join(", ")))
+        }
+        other => other,
+    })
+}

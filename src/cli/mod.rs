@@ -1,0 +1,66 @@
+//! The command line: one file a subcommand.
+
+mod common;
+mod compare;
+mod devices;
+mod irradiance;
+mod render;
+mod surfels;
+
+use crate::error::{Error, Result};
+use clap::{Parser, Subcommand};
+
+/// Diffuse global illumination by point-based colour bleeding: surfels drawn into hemicubes, hundreds per Vulkan pass.
+#[derive(Debug, Parser)]
+#[command(name = "surflux", version, propagate_version = true, arg_required_else_help = true)]
+#[command(after_help = "Exit codes: 0 done, 1 the work failed, 2 the command line or an input file is wrong, 130 interrupted.")]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Render a scene to a picture
+    Render(render::RenderArgs),
+    /// Read points and normals from standard input, write the irradiance at each to standard output
+    Irradiance(irradiance::IrradianceArgs),
+    /// Generate a scene's surfel cloud and write it to a file
+    Surfels(surfels::SurfelsArgs),
+    /// Measure how far two pictures differ
+    Compare(compare::CompareArgs),
+    /// List the devices that can gather, and what each is good for
+    Devices(devices::DevicesArgs),
+}
+
+/// Parses the command line, runs the command, reports an error on standard error, and returns the exit code.
+pub fn main() -> u8 {
+    let cli = Cli::parse();
+    match run(&cli.command) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("surflux: {error}");
+            error.exit_code()
+        }
+    }
+}
+
+fn run(command: &Command) -> Result<u8> {
+    crate::interrupt::install();
+    match command {
+        Command::Render(args) => render::run(args).map(|()| 0),
+        Command::Irradiance(args) => irradiance::run(args).map(|()| 0),
+        Command::Surfels(args) => surfels::run(args).map(|()| 0),
+        Command::Compare(args) => compare::run(args),
+        Command::Devices(args) => devices::run(args).map(|()| 0),
+    }
+}
+
+/// Runs `work` on a pool of the asked number of threads (0: one for each core).
+fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|e| Error::Failed(format!("cannot start {threads} threads: {e}")))?;
+    pool.install(work)
+}

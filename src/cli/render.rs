@@ -1,0 +1,91 @@
+//! `surflux render`.
+
+use super::common::{CameraArgs, MessageArgs, SceneArgs, TransportArgs, build_scene};
+use super::with_threads;
+use crate::atomic_file::check_writable;
+use crate::error::Result;
+use crate::film::Aov;
+use crate::image_io::{ImageFormat, write};
+use crate::render::render;
+use crate::run::Run;
+use crate::shading::points::View;
+use crate::stats::{Stage, Stats};
+use crate::world::World;
+use clap::Args;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Options of `surflux render`.
+#[derive(Debug, Args)]
+pub struct RenderArgs {
+    #[command(flatten)]
+    scene: SceneArgs,
+
+    /// The picture to write; its extension picks the format: .exr, .hdr, .png, .tga
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
+
+    /// Picture width, pixels
+    #[arg(long, value_name = "PIXELS", default_value_t = 500, value_parser = clap::value_parser!(u32).range(1..=32768))]
+    width: u32,
+
+    /// Picture height, pixels
+    #[arg(long, value_name = "PIXELS", default_value_t = 500, value_parser = clap::value_parser!(u32).range(1..=32768))]
+    height: u32,
+
+    /// Camera rays a pixel, jittered (anti-aliasing)
+    #[arg(long, value_name = "S", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    samples: u32,
+
+    /// Exposure of .png and .tga, stops
+    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_hyphen_values = true)]
+    exposure: f32,
+
+    /// Further layers of an .exr picture: direct, indirect, albedo, normal, depth
+    #[arg(long, value_name = "LAYER,...", value_delimiter = ',')]
+    aov: Vec<Aov>,
+
+    /// Write statistics as JSON ('-': standard output)
+    #[arg(long, value_name = "FILE.json")]
+    stats: Option<PathBuf>,
+
+    #[command(flatten)]
+    camera: CameraArgs,
+    #[command(flatten)]
+    transport: TransportArgs,
+    #[command(flatten)]
+    messages: MessageArgs,
+}
+
+/// Renders a scene to a picture.
+pub fn run(args: &RenderArgs) -> Result<()> {
+    let format = ImageFormat::from_path(&args.output)?;
+    check_writable(&args.output)?;
+    if let Some(path) = args.stats.as_deref().filter(|p| *p != Path::new("-")) {
+        check_writable(path)?;
+    }
+    with_threads(args.transport.threads, || render_to_file(args, format))
+}
+
+fn render_to_file(args: &RenderArgs, format: ImageFormat) -> Result<()> {
+    let started = Instant::now();
+    let run = args.messages.run();
+    let settings = args.transport.settings();
+    let (scene, camera) = run.clock.time(Stage::Load, || -> Result<_> {
+        let description = args.scene.load(&run)?;
+        let camera = args.camera.camera(&description)?;
+        Ok((build_scene(&description, &args.scene)?, camera))
+    })?;
+    let cloud = args.transport.cloud(&scene)?;
+    let world = World::prepare(scene, cloud, &settings, &run)?;
+    let view = View::new(&world.scene, &camera, args.width, args.height, args.samples, settings.seed);
+    let film = render(&world, &view, &settings, &args.aov, &run)?;
+    run.clock.time(Stage::Write, || write(&film, &args.output, format, args.exposure))?;
+    report(args, &world, &run, started)
+}
+
+fn report(args: &RenderArgs, world: &World, run: &Run, started: Instant) -> Result<()> {
+    let stats = Stats::collect(world, run, [args.width, args.height, args.samples], started.elapsed());
+    run.reporter.summary(&stats);
+    args.stats.as_deref().map_or(Ok(()), |path| stats.write_json(path))
+}

@@ -1,0 +1,149 @@
+//! What a user may choose, with its defaults and named sets.
+
+use crate::gather::device::DeviceRequest;
+use crate::surfel::cloud::SurfelShape;
+
+/// How irradiance is gathered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub enum GatherMethod {
+    /// Surfels drawn into hemicubes.
+    #[default]
+    Hemicube,
+    /// Stratified cosine-weighted rays, each hit shaded anew: the referee.
+    MonteCarlo,
+    /// No indirect light.
+    None,
+}
+
+/// Number of indirect bounces.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Bounces {
+    /// Exactly so many.
+    Count(u32),
+    /// Until the change is below [`BOUNCE_TOLERANCE`].
+    Infinite,
+}
+
+/// Relative change of the brightest surfel at which infinite bounces end.
+pub const BOUNCE_TOLERANCE: f32 = 1e-6;
+/// More bounces than this change nothing in f32, whatever the albedo.
+pub const MAX_BOUNCES: u32 = 10_000;
+
+impl std::str::FromStr for Bounces {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "inf" {
+            return Ok(Self::Infinite);
+        }
+        let count: u32 = text.parse().map_err(|_| format!("bounces must be a number or 'inf', not '{text}'"))?;
+        Ok(Self::Count(count.min(MAX_BOUNCES)))
+    }
+}
+
+impl Bounces {
+    /// The bound on iterations.
+    pub fn limit(self) -> u32 {
+        match self {
+            Self::Count(n) => n,
+            Self::Infinite => MAX_BOUNCES,
+        }
+    }
+}
+
+/// How dense surfels lie.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SurfelDensity {
+    /// So many in all, shared by area.
+    Count(u64),
+    /// So far apart, in the user's units.
+    Spacing(f64),
+    /// So many on every primitive (the thesis's way; six times as many on a box).
+    PerPrimitive(u64),
+}
+
+/// Hemicubes a batch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum BatchSize {
+    /// From the device's limits and measured speed.
+    #[default]
+    Auto,
+    /// So many at most.
+    Fixed(usize),
+}
+
+impl std::str::FromStr for BatchSize {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.parse() {
+            _ if text == "auto" => Ok(Self::Auto),
+            Ok(0) | Err(_) => Err(format!("batch must be 'auto' or at least 1, not '{text}'")),
+            Ok(n) => Ok(Self::Fixed(n)),
+        }
+    }
+}
+
+/// Whether emitters are sampled directly or seen by the gather.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub enum Emitters {
+    /// Shadow rays find emitters; the gather sees reflected light only.
+    #[default]
+    Sample,
+    /// The gather sees emission; nothing is sampled. This tests the gather itself.
+    Gather,
+}
+
+/// Settings of the light transport, shared by all commands.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// Which device gathers.
+    pub device: DeviceRequest,
+    /// How.
+    pub gather: GatherMethod,
+    /// Pixels along a hemicube face's edge: even, 4..=256.
+    pub face_resolution: u32,
+    /// Density of the surfels.
+    pub density: SurfelDensity,
+    /// Shape of the surfels.
+    pub shape: SurfelShape,
+    /// Largest size at which a cluster of surfels is drawn as one, pixels; 0 draws surfels only.
+    pub lod: f32,
+    /// Indirect bounces.
+    pub bounces: Bounces,
+    /// Where emitted light enters.
+    pub emitters: Emitters,
+    /// Shadow rays a light and shading point.
+    pub light_samples: u32,
+    /// Rays a Monte Carlo gather.
+    pub gather_samples: u32,
+    /// Hemicubes a batch.
+    pub batch: BatchSize,
+    /// Batches under way at once.
+    pub frames_in_flight: usize,
+    /// Seed of all random choices.
+    pub seed: u32,
+    /// Whether the Vulkan validation layers watch.
+    pub validation: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            device: DeviceRequest::default(),
+            gather: GatherMethod::Hemicube,
+            face_resolution: 8,
+            density: SurfelDensity::Count(14_000),
+            shape: SurfelShape::Disc,
+            lod: 1.0,
+            bounces: Bounces::Count(1),
+            emitters: Emitters::Sample,
+            light_samples: 4,
+            gather_samples: 256,
+            batch: BatchSize::Auto,
+            frames_in_flight: 3,
+            seed: 0,
+            validation: false,
+        }
+    }
+}

@@ -1,0 +1,5 @@
+//! Shading points: where camera rays meet surfaces.
+
+pub mod pixel;
+pub mod points;
+pub mod shade;

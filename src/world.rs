@@ -1,0 +1,162 @@
+//! A scene made ready for gathering: ray queries, lights, and the shaded surfel cloud.
+
+use crate::accel::Accel;
+use crate::direct::Lights;
+use crate::error::Result;
+use crate::gather::order::{Ordered, order};
+use crate::gather::{self, Gatherer};
+use crate::hemicube::convolve::Convolver;
+use crate::hemicube::frame::{RECEIVER_INSIDE, Receiver};
+use crate::hemicube::weights::Weights;
+use crate::math::hash32;
+use crate::run::Run;
+use crate::scene::Scene;
+use crate::settings::{BOUNCE_TOLERANCE, Bounces, Emitters, GatherMethod, Settings, SurfelDensity};
+use crate::stats::Stage;
+use crate::surfel::closed::ClosedTest;
+use crate::surfel::cloud::SurfelCloud;
+use crate::surfel::drawable::Drawables;
+use crate::surfel::generate::{Density, GenerateSettings, generate};
+use crate::surfel::shade::{ShadeSettings, shade};
+use crate::surfel::transfer::{Transfer, reflecting_sides, side_frame};
+use crate::surfel::tree::{CutSettings, SurfelTree};
+use glam::Vec3;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// What all stages read while a picture is made.
+pub struct World {
+    /// The scene.
+    pub scene: Arc<Scene>,
+    /// Ray queries on it.
+    pub accel: Accel,
+    /// Its lights.
+    pub lights: Lights,
+    /// Its surfels, shaded; empty when the gather method needs none.
+    pub cloud: SurfelCloud,
+    /// The hierarchy over the surfels, for level of detail.
+    pub tree: Option<SurfelTree>,
+    /// What a gather draws: surfels and clusters, with their light.
+    pub drawables: Drawables,
+    /// Pixel weights of the hemicube.
+    pub weights: Weights,
+    closed: ClosedTest,
+}
+
+impl World {
+    /// Builds ray queries and lights, generates surfels unless `cloud` brings them, and shades them.
+    ///
+    /// # Errors
+    /// When surfels cannot be generated as asked, or the device fails.
+    pub fn prepare(scene: Scene, cloud: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<Self> {
+        let scene = Arc::new(scene);
+        let (accel, lights) =
+            run.clock.time(Stage::Load, || (Accel::new(Arc::clone(&scene)), Lights::new(&scene)));
+        let mut world = Self {
+            scene,
+            accel,
+            lights,
+            cloud: SurfelCloud::default(),
+            tree: None,
+            drawables: Drawables::default(),
+            weights: Weights::new(settings.face_resolution),
+            closed: ClosedTest::none(),
+        };
+        if settings.gather == GatherMethod::Hemicube {
+            world.cloud = run.clock.time(Stage::Surfels, || world.surfels(cloud, settings))?;
+            world.closed = ClosedTest::new(&world.scene, &world.cloud);
+            world.tree = run.clock.time(Stage::Tree, || (settings.lod > 0.0).then(|| SurfelTree::new(&world.cloud)));
+            world.drawables = Drawables::new(&world.cloud, world.tree.as_ref());
+            world.bounce(settings, run)?;
+        }
+        Ok(world)
+    }
+
+    fn surfels(&self, given: Option<SurfelCloud>, settings: &Settings) -> Result<SurfelCloud> {
+        let mut cloud = match given {
+            Some(cloud) => cloud,
+            None => generate(&self.scene, &self.accel, &generate_settings(&self.scene, settings))?,
+        };
+        let shading = ShadeSettings {
+            emitters: settings.emitters,
+            samples: settings.light_samples,
+            seed: settings.seed,
+        };
+        shade(&mut cloud, &self.scene, &self.accel, &self.lights, &shading);
+        Ok(cloud)
+    }
+
+    /// Reflects light among the surfels as often as asked, so that one gather at a shading point sees all bounces.
+    fn bounce(&mut self, settings: &Settings, run: &Run) -> Result<()> {
+        let among_surfels = match settings.emitters {
+            // Shading the surfels was the first reflection of directly sampled light.
+            Emitters::Sample => settings.bounces.limit().saturating_sub(1),
+            Emitters::Gather => settings.bounces.limit(),
+        };
+        if among_surfels == 0 {
+            return Ok(());
+        }
+        let transfer = self.transfer(settings, run)?;
+        let tolerance = if settings.bounces == Bounces::Infinite { BOUNCE_TOLERANCE } else { 0.0 };
+        let (tree, background) = (self.tree.as_ref(), self.scene.background);
+        let cloud = &mut self.cloud;
+        let made = run
+            .clock
+            .time(Stage::Convolve, || transfer.bounce(cloud, tree, background, among_surfels, tolerance));
+        self.drawables.relight(&self.cloud, self.tree.as_ref());
+        run.reporter.verbose(|| format!("light bounced {made} times among {} surfels", self.cloud.len()));
+        Ok(())
+    }
+
+    /// Gathers at every surfel.
+    fn transfer(&self, settings: &Settings, run: &Run) -> Result<Transfer> {
+        let sides = reflecting_sides(&self.cloud);
+        let receivers: Vec<Receiver> = sides
+            .par_iter()
+            .map(|&side| {
+                let (position, normal) = side_frame(&self.cloud, side);
+                self.receiver(position, normal, hash32(side ^ hash32(settings.seed)))
+            })
+            .collect();
+        let mut gatherer = self.gatherer(settings, run)?;
+        let ordered = self.order(&receivers, settings, gatherer.batch_size());
+        run.clock.time(Stage::Gather, || {
+            Transfer::gather(sides, ordered, &self.drawables, &self.weights, gatherer.as_mut())
+        })
+    }
+
+    /// A receiver, flagged when it stands inside a closed mesh.
+    pub fn receiver(&self, position: Vec3, normal: Vec3, seed: u32) -> Receiver {
+        let inside = self.closed.receiver_inside(&self.accel, position, normal);
+        Receiver { position, normal, seed, flags: if inside { RECEIVER_INSIDE } else { 0 } }
+    }
+
+    /// Orders receivers into batches, with cuts of the surfel tree when there is one.
+    pub fn order(&self, receivers: &[Receiver], settings: &Settings, batch_size: usize) -> Ordered {
+        let cut = CutSettings { lod: settings.lod, resolution: settings.face_resolution };
+        order(receivers, self.tree.as_ref(), &cut, batch_size)
+    }
+
+    /// Turns surfel ids into irradiance.
+    pub fn convolver(&self) -> Convolver<'_> {
+        Convolver::new(&self.drawables, &self.weights, self.scene.background)
+    }
+
+    /// The gatherer that the settings ask for.
+    ///
+    /// # Errors
+    /// When the device is not there or fails.
+    pub fn gatherer<'a>(&'a self, settings: &Settings, run: &Run) -> Result<Box<dyn Gatherer + 'a>> {
+        gather::create::create(self, settings, run)
+    }
+}
+
+/// Spacing is given in the user's units; everything else here is in scene units.
+pub fn generate_settings(scene: &Scene, settings: &Settings) -> GenerateSettings {
+    let density = match settings.density {
+        SurfelDensity::Count(n) => Density::Count(n),
+        SurfelDensity::Spacing(d) => Density::Spacing((d * scene.normalisation.scale) as f32),
+        SurfelDensity::PerPrimitive(n) => Density::PerPrimitive(n),
+    };
+    GenerateSettings { density, shape: settings.shape, seed: settings.seed }
+}

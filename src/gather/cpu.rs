@@ -59,7 +59,8 @@ impl<'a> CpuGatherer<'a> {
         }
         let jobs = self.jobs(batch, &mut tiles);
         let new_scratch = || (Raster::new(n), SplatLanes::new(&[], &[], self.drawables.shape));
-        jobs.into_par_iter().for_each_init(new_scratch, |(raster, lanes), job| self.draw_group(raster, lanes, job));
+        jobs.into_par_iter()
+            .for_each_init(new_scratch, |(raster, lanes), job| self.draw_group(raster, lanes, job));
         atlas
     }
 

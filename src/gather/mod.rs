@@ -2,6 +2,7 @@
 
 pub mod cpu;
 pub mod order;
+pub mod stage;
 
 use crate::error::{Error, Result};
 use crate::hemicube::atlas::IdAtlas;

@@ -38,13 +38,22 @@ pub fn order(
         None => sorted
             .chunks(batch_size)
             .enumerate()
-            .map(|(i, receivers)| Batch { first: i * batch_size, receivers: receivers.to_vec(), ..Batch::default() })
+            .map(|(i, receivers)| Batch {
+                first: i * batch_size,
+                receivers: receivers.to_vec(),
+                ..Batch::default()
+            })
             .collect(),
     };
     Ordered { batches, order }
 }
 
-fn with_cuts(sorted: &[Receiver], tree: &SurfelTree, settings: &CutSettings, batch_size: usize) -> Vec<Batch> {
+fn with_cuts(
+    sorted: &[Receiver],
+    tree: &SurfelTree,
+    settings: &CutSettings,
+    batch_size: usize,
+) -> Vec<Batch> {
     let groups = groups(sorted);
     let cuts: Vec<Vec<u32>> = groups
         .par_iter()

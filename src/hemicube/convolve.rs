@@ -26,9 +26,10 @@ impl<'a> Convolver<'a> {
         let sided = !self.drawables.closed || receiver.flags != 0;
         let mut total = Vec3::ZERO;
         self.for_each_row(atlas, i, |ids, weights| {
-            total += ids.iter().zip(weights).fold(Vec3::ZERO, |sum, (&id, &w)| {
-                sum + w * self.radiance(id, sided, receiver.position)
-            });
+            total += ids
+                .iter()
+                .zip(weights)
+                .fold(Vec3::ZERO, |sum, (&id, &w)| sum + w * self.radiance(id, sided, receiver.position));
         });
         total * PI
     }

@@ -38,7 +38,8 @@ impl SplatLanes {
             self.push(splat, axes.get(drawable as usize), drawable + 1);
         }
         // A radius of minus infinity stays behind every horizon.
-        let nothing = Splat { position: [0.0; 3], radius: f32::NEG_INFINITY, normal: [0.0, 0.0, 1.0], flags: 0 };
+        let nothing =
+            Splat { position: [0.0; 3], radius: f32::NEG_INFINITY, normal: [0.0, 0.0, 1.0], flags: 0 };
         while !self.id.len().is_multiple_of(LANES) {
             self.push(&nothing, None, 0);
         }
@@ -173,8 +174,7 @@ impl Raster {
             }
             let inverse = distance.recip();
             let plane = [normal[0] * inverse, normal[1] * inverse, normal[2] * inverse];
-            let extent = |n: F| (one - n * n).max(zero).sqrt() * radius;
-            let half = [extent(normal[0]), extent(normal[1]), extent(normal[2])];
+            let half = [extent(normal[0], radius), extent(normal[1], radius), extent(normal[2], radius)];
             let axes = if triangles {
                 [rotate(&frame, load(&splats.axes[0], start)), rotate(&frame, load(&splats.axes[1], start))]
             } else {
@@ -218,7 +218,7 @@ impl Raster {
         let centre = arrays(centre);
         let triangles = splats.shape == SurfelShape::Triangle;
         let axes = if triangles {
-            local.axes.map(|a| arrays(to_face::<F, FACE>(a)))
+            [arrays(to_face::<F, FACE>(local.axes[0])), arrays(to_face::<F, FACE>(local.axes[1]))]
         } else {
             [[[0.0; LANES]; 3]; 2]
         };
@@ -308,26 +308,17 @@ impl PixelBoxes {
     #[inline(always)]
     fn new<F: F32x8>(centre: [F; 3], half: [F; 3], top: bool, resolution: u32) -> Self {
         let n = resolution as f32;
-        let rows = if top { n } else { n * 0.5 };
-        let zero = F::splat(0.0);
+        let (rows, shift) = if top { (n, 1.0) } else { (n * 0.5, 0.0) };
         let (near, far) = (centre[2] - half[2], centre[2] + half[2]);
-        let straddles = near.le(far * F::splat(1e-3));
-        let (by_near, by_far) = (near.recip(), far.recip());
-        let low = |x: F| x * zero.gt(x).select(by_near, by_far);
-        let high = |x: F| x * zero.gt(x).select(by_far, by_near);
-        let pixel = |w: F, shift: f32| (w + F::splat(shift)) * F::splat(0.5 * n);
-        let clamp = |x: F, limit: f32| x.max(zero).min(F::splat(limit));
-        let first = |w: F, shift: f32, limit: f32| {
-            let x = clamp((pixel(low(w), shift) - F::splat(0.5 + SLACK)).ceil(), limit);
-            straddles.select(zero, x)
+        let depths = Depths {
+            by_near: near.recip(),
+            by_far: far.recip(),
+            straddles: near.le(far * F::splat(1e-3)),
+            scale: 0.5 * n,
         };
-        let last = |w: F, shift: f32, limit: f32| {
-            let x = clamp((pixel(high(w), shift) + F::splat(0.5 + SLACK)).floor(), limit);
-            straddles.select(F::splat(limit), x)
-        };
-        let shift = if top { 1.0 } else { 0.0 };
-        let (x0, x1) = (first(centre[0] - half[0], 1.0, n), last(centre[0] + half[0], 1.0, n));
-        let (y0, y1) = (first(centre[1] - half[1], shift, rows), last(centre[1] + half[1], shift, rows));
+        let (x0, x1) = (depths.first(centre[0] - half[0], 1.0, n), depths.last(centre[0] + half[0], 1.0, n));
+        let y0 = depths.first(centre[1] - half[1], shift, rows);
+        let y1 = depths.last(centre[1] + half[1], shift, rows);
         let filled = x1.gt(x0).and(y1.gt(y0)).bits();
         Self { edges: [x0.to_array(), x1.to_array(), y0.to_array(), y1.to_array()], filled }
     }
@@ -337,6 +328,42 @@ impl PixelBoxes {
         let edge = |i: usize| self.edges[i][lane] as usize;
         [edge(0), edge(1), edge(2), edge(3)]
     }
+}
+
+/// The range of depths of eight splats on one face.
+struct Depths<F: F32x8> {
+    by_near: F,
+    by_far: F,
+    /// Splats that reach behind the face's eye may project anywhere.
+    straddles: F::Mask,
+    /// Pixels a unit of the face.
+    scale: f32,
+}
+
+impl<F: F32x8> Depths<F> {
+    /// First pixel of boxes that begin at `low`, a coordinate across the line of sight.
+    #[inline(always)]
+    fn first(&self, low: F, shift: f32, limit: f32) -> F {
+        let zero = F::splat(0.0);
+        let w = low * zero.gt(low).select(self.by_near, self.by_far);
+        let x = (w + F::splat(shift)) * F::splat(self.scale) - F::splat(0.5 + SLACK);
+        self.straddles.select(zero, x.ceil().max(zero).min(F::splat(limit)))
+    }
+
+    /// One past the last pixel of boxes that end at `high`.
+    #[inline(always)]
+    fn last(&self, high: F, shift: f32, limit: f32) -> F {
+        let zero = F::splat(0.0);
+        let w = high * zero.gt(high).select(self.by_far, self.by_near);
+        let x = (w + F::splat(shift)) * F::splat(self.scale) + F::splat(0.5 + SLACK);
+        self.straddles.select(F::splat(limit), x.floor().max(zero).min(F::splat(limit)))
+    }
+}
+
+/// Half the size, along one axis, of discs whose unit normals have this component there.
+#[inline(always)]
+fn extent<F: F32x8>(normal: F, radius: F) -> F {
+    (F::splat(1.0) - normal * normal).max(F::splat(0.0)).sqrt() * radius
 }
 
 #[inline(always)]

@@ -2,4 +2,5 @@
 
 pub mod cloud;
 pub mod drawable;
+pub mod transfer;
 pub mod tree;

@@ -123,7 +123,8 @@ impl SurfelTree {
         for node in self.nodes.iter().rev().filter(|n| n.child != 0) {
             let [a, b] = self.children(node).map(|c| c.drawable as usize);
             let (wa, wb) = (self.area[a], self.area[b]);
-            values[node.drawable as usize] = (values[a] * wa + values[b] * wb) / (wa + wb).max(f32::MIN_POSITIVE);
+            values[node.drawable as usize] =
+                (values[a] * wa + values[b] * wb) / (wa + wb).max(f32::MIN_POSITIVE);
         }
     }
 
@@ -215,9 +216,13 @@ impl ReceiverBounds {
         let to_node = node.centre - self.centre;
         let distance = to_node.length();
         let reach = node.bound + self.radius;
-        let below = to_node.dot(self.normal) + distance * self.deviation + reach * (1.0 + self.deviation) < 0.0;
+        let below =
+            to_node.dot(self.normal) + distance * self.deviation + reach * (1.0 + self.deviation) < 0.0;
         let culled = node.flags & FLAG_CULL_BACK != 0 && !self.inside;
-        below || (culled && to_node.dot(node.normal) - distance * node.deviation - reach * (1.0 + node.deviation) > 0.0)
+        below
+            || (culled
+                && to_node.dot(node.normal) - distance * node.deviation - reach * (1.0 + node.deviation)
+                    > 0.0)
     }
 
     /// Whether the node may be drawn as one disc for every receiver of the group.

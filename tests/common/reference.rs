@@ -20,9 +20,15 @@ pub fn hemicube(drawables: &Drawables, list: &[u32], receiver: &Receiver, resolu
         for &d in list {
             let splat = &drawables.splats[d as usize];
             let (position, normal) = (Vec3::from(splat.position), Vec3::from(splat.normal));
-            let Some(p) =
-                Projected::new(&frame, receiver.position, position, normal, splat.radius, splat.flags, inside)
-            else {
+            let Some(p) = Projected::new(
+                &frame,
+                receiver.position,
+                position,
+                normal,
+                splat.radius,
+                splat.flags,
+                inside,
+            ) else {
                 continue;
             };
             let axes = drawables.axes.get(d as usize).map_or([Vec3::ZERO; 2], |axes| axes.map(Vec3::from));

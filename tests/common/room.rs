@@ -46,7 +46,9 @@ pub fn receivers(count: usize, seed: u32) -> Vec<Receiver> {
     (0..count)
         .map(|i| {
             let (position, normal) = match i % 3 {
-                0 => ((Vec3::new(rng.unit(), rng.unit(), rng.unit()) - 0.5) * 0.9, uniform_sphere(rng.unit2())),
+                0 => {
+                    ((Vec3::new(rng.unit(), rng.unit(), rng.unit()) - 0.5) * 0.9, uniform_sphere(rng.unit2()))
+                }
                 _ => (surfaces.position[i], surfaces.normal[i]),
             };
             Receiver { position, normal, seed: i as u32, flags: u32::from(i % 7 == 0) }

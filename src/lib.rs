@@ -4,9 +4,12 @@
 //! hemicube; the weighted sum of its pixels is the irradiance there. See ARCHITECTURE.md for the way through the program.
 
 pub mod accel;
+pub mod atomic_file;
 pub mod error;
+pub mod film;
 pub mod gather;
 pub mod hemicube;
+pub mod image_io;
 pub mod math;
 pub mod scene;
 pub mod surfel;

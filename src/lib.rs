@@ -11,5 +11,6 @@ pub mod gather;
 pub mod hemicube;
 pub mod image_io;
 pub mod math;
+pub mod measure;
 pub mod scene;
 pub mod surfel;

@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use glam::Vec3;
 use std::fmt;
+use std::ops::{AddAssign, Div};
 use std::str::FromStr;
 
 /// A quantity that a film can hold beside the picture itself ("arbitrary output variable").
@@ -70,6 +71,67 @@ impl FromStr for Aov {
     }
 }
 
+/// Everything that a film records of a camera ray; of a pixel, the mean over its rays.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct PixelValue {
+    /// Emitted and directly reflected radiance.
+    pub direct: Vec3,
+    /// Indirectly reflected radiance.
+    pub indirect: Vec3,
+    /// See [`Aov::Albedo`].
+    pub albedo: Vec3,
+    /// See [`Aov::Normal`].
+    pub normal: Vec3,
+    /// See [`Aov::Depth`].
+    pub depth: f32,
+}
+
+impl PixelValue {
+    /// A ray that left the scene.
+    pub fn background(radiance: Vec3) -> Self {
+        Self { direct: radiance, ..Self::default() }
+    }
+
+    /// A ray that met a surface which sends no light.
+    pub fn black(normal: Vec3, depth: f32) -> Self {
+        Self { normal, depth, ..Self::default() }
+    }
+
+    fn layer(&self, aov: Aov) -> Vec3 {
+        match aov {
+            Aov::Direct => self.direct,
+            Aov::Indirect => self.indirect,
+            Aov::Albedo => self.albedo,
+            Aov::Normal => self.normal,
+            Aov::Depth => Vec3::splat(self.depth),
+        }
+    }
+}
+
+impl AddAssign for PixelValue {
+    fn add_assign(&mut self, other: Self) {
+        self.direct += other.direct;
+        self.indirect += other.indirect;
+        self.albedo += other.albedo;
+        self.normal += other.normal;
+        self.depth += other.depth;
+    }
+}
+
+impl Div<f32> for PixelValue {
+    type Output = Self;
+
+    fn div(self, divisor: f32) -> Self {
+        Self {
+            direct: self.direct / divisor,
+            indirect: self.indirect / divisor,
+            albedo: self.albedo / divisor,
+            normal: self.normal / divisor,
+            depth: self.depth / divisor,
+        }
+    }
+}
+
 /// One layer of a film.
 #[derive(Debug, Clone)]
 pub struct Layer {
@@ -115,16 +177,14 @@ impl Film {
         &self.layers
     }
 
-    /// Whether a layer was asked for: spares the caller computing what nobody reads.
-    pub fn has_layer(&self, aov: Aov) -> bool {
-        self.layers.iter().any(|layer| layer.aov == aov)
-    }
-
-    /// Sets a layer's value at a pixel; depth is `value.x`. Does nothing when the layer was not asked for.
-    pub fn set_layer(&mut self, aov: Aov, pixel: usize, value: Vec3) {
-        if let Some(layer) = self.layers.iter_mut().find(|layer| layer.aov == aov) {
-            let n = aov.channels().len();
-            layer.values[pixel * n..][..n].copy_from_slice(&aov.sanitised(value).to_array()[..n]);
+    /// Records a pixel: the picture is the sum of its direct and indirect parts, and what is asked for beside it goes to
+    /// the layers.
+    pub fn set(&mut self, pixel: usize, value: PixelValue) {
+        self.pixels[pixel] = value.direct + value.indirect;
+        for layer in &mut self.layers {
+            let n = layer.aov.channels().len();
+            let clean = layer.aov.sanitised(value.layer(layer.aov));
+            layer.values[pixel * n..][..n].copy_from_slice(&clean.to_array()[..n]);
         }
     }
 
@@ -143,8 +203,7 @@ impl Film {
 
 /// A radiance that may be written: NaN and negative values become 0, infinity the largest finite number.
 pub fn sanitised(radiance: Vec3) -> Vec3 {
-    // `f32::max` returns the other operand for NaN.
-    radiance.map(|v| v.max(0.0).min(f32::MAX))
+    radiance.map(|v| if v > 0.0 { v.min(f32::MAX) } else { 0.0 })
 }
 
 /// Factor of an exposure in stops.
@@ -185,10 +244,10 @@ mod tests {
     fn layers_exist_only_when_asked_for() {
         let mut film = Film::new(2, 1, &[Aov::Depth, Aov::Normal, Aov::Depth]);
         assert_eq!(film.layers().len(), 2);
-        assert!(!film.has_layer(Aov::Albedo));
-        film.set_layer(Aov::Albedo, 0, Vec3::ONE);
-        film.set_layer(Aov::Normal, 1, Vec3::new(0.0, -1.0, f32::NAN));
-        film.set_layer(Aov::Depth, 1, Vec3::splat(3.0));
+        let mut value = PixelValue::black(Vec3::new(0.0, -2.0, f32::NAN), 4.0);
+        value += PixelValue { depth: 2.0, indirect: Vec3::X, ..PixelValue::background(Vec3::ONE) };
+        film.set(1, value / 2.0);
+        assert_eq!(film.pixels, [Vec3::ZERO, Vec3::new(1.0, 0.5, 0.5)]);
         let normal = &film.layers()[0];
         assert_eq!(normal.plane(1).collect::<Vec<_>>(), [0.0, -1.0]);
         assert_eq!(normal.plane(2).collect::<Vec<_>>(), [0.0, 0.0]);

@@ -5,7 +5,7 @@ mod raster;
 
 use crate::atomic_file::atomic_write;
 use crate::error::{Error, Result};
-use crate::film::Film;
+use crate::film::{Aov, Film};
 use glam::Vec3;
 use std::fs::File;
 use std::io::BufReader;
@@ -51,9 +51,15 @@ impl ImageFormat {
         }
     }
 
-    /// Whether the format can hold layers beside the picture.
-    pub fn has_layers(self) -> bool {
-        self == Self::Exr
+    /// Refuses layers in a format that has no room for them; to be asked before rendering.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] naming the file.
+    pub fn check_layers(self, path: &Path, aovs: &[Aov]) -> Result<()> {
+        if aovs.is_empty() || self == Self::Exr {
+            return Ok(());
+        }
+        Err(Error::Usage(format!("{}: only the .exr format holds layers", path.display())))
     }
 
     /// Whether the format stores 8-bit sRGB instead of linear floating point.
@@ -66,13 +72,10 @@ impl ImageFormat {
 /// NaN, infinity and negative radiance are never written, whatever the film holds.
 ///
 /// # Errors
-/// [`Error::Usage`] for an unknown extension, or for layers in a format that has none; [`Error::Write`] when the file
-/// cannot be written.
-pub fn write(film: &Film, path: &Path, exposure: f32) -> Result<()> {
-    let format = ImageFormat::from_path(path)?;
-    if !film.layers().is_empty() && !format.has_layers() {
-        return Err(Error::Usage(format!("{}: only the .exr format holds layers", path.display())));
-    }
+/// [`Error::Usage`] for layers in a format that has none; [`Error::Write`] when the file cannot be written.
+pub fn write(film: &Film, path: &Path, format: ImageFormat, exposure: f32) -> Result<()> {
+    let aovs: Vec<Aov> = film.layers().iter().map(|layer| layer.aov).collect();
+    format.check_layers(path, &aovs)?;
     let encoded = match format {
         ImageFormat::Exr => openexr::encode(film),
         ImageFormat::Hdr => raster::encode_hdr(film),

@@ -1,5 +1,5 @@
 use super::*;
-use crate::film::{Aov, quantise, srgb_encode};
+use crate::film::{Aov, PixelValue, quantise, srgb_encode};
 use std::fs;
 
 /// A film whose values span what renders hold, darkness and highlights included.
@@ -15,7 +15,7 @@ fn gradient(width: u32, height: u32, aovs: &[Aov]) -> Film {
 fn round_trip(film: &Film, name: &str, exposure: f32) -> LinearImage {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
-    write(film, &path, exposure).unwrap();
+    write(film, &path, ImageFormat::from_path(&path).unwrap(), exposure).unwrap();
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary is left");
     let image = read(&path).unwrap();
     assert_eq!((image.width, image.height), (film.width, film.height));
@@ -80,8 +80,8 @@ fn forbidden_values_are_not_written() {
 #[test]
 fn exr_layers_have_their_names_and_values() {
     let mut film = gradient(5, 4, &Aov::ALL);
-    film.set_layer(Aov::Normal, 7, Vec3::new(0.0, 0.0, -1.0));
-    film.set_layer(Aov::Depth, 7, Vec3::X * 2.5);
+    let indirect = Vec3::new(0.0, 0.25, 0.0);
+    film.set(7, PixelValue { indirect, ..PixelValue::black(Vec3::NEG_Z, 2.5) });
     let bytes = openexr::encode(&film).unwrap();
     let image = {
         use ::exr::prelude::*;
@@ -102,13 +102,16 @@ fn exr_layers_have_their_names_and_values() {
     assert_eq!(channels.len(), 3 + 3 * 4 + 1);
     assert_eq!(Vec3::new(value("R"), value("G"), value("B")), film.pixels[7]);
     assert_eq!((value("normal.Z"), value("depth.Z"), value("direct.R")), (-1.0, 2.5, 0.0));
-    assert!(value("albedo.B") == 0.0 && value("indirect.G") == 0.0);
+    assert!(value("albedo.B") == 0.0 && value("indirect.G") == 0.25);
 }
 
 #[test]
 fn layers_need_exr() {
-    let error = write(&Film::new(1, 1, &[Aov::Depth]), Path::new("a.png"), 0.0).unwrap_err();
+    let path = Path::new("a.png");
+    let error = write(&Film::new(1, 1, &[Aov::Depth]), path, ImageFormat::Png, 0.0).unwrap_err();
     assert_eq!(error.exit_code(), 2, "{error}");
+    assert!(ImageFormat::Png.check_layers(path, &[]).is_ok());
+    assert!(ImageFormat::Exr.check_layers(path, &[Aov::Depth]).is_ok());
 }
 
 #[test]
@@ -124,7 +127,8 @@ fn unknown_extensions_are_refused_by_name() {
 
 #[test]
 fn a_target_that_cannot_be_written_is_named() {
-    let error = write(&Film::new(1, 1, &[]), Path::new("/proc/nope/a.exr"), 0.0).unwrap_err();
+    let error =
+        write(&Film::new(1, 1, &[]), Path::new("/proc/nope/a.exr"), ImageFormat::Exr, 0.0).unwrap_err();
     assert!(error.to_string().contains("/proc/nope/a.exr"), "{error}");
 }
 
@@ -143,7 +147,7 @@ fn damaged_files_are_input_errors() {
     for extension in ["exr", "hdr", "png", "tga"] {
         let path = folder.path().join(format!("victim.{extension}"));
         assert_eq!(read(&path).unwrap_err().exit_code(), 2, "a missing file");
-        write(&gradient(9, 7, &[]), &path, 0.0).unwrap();
+        write(&gradient(9, 7, &[]), &path, ImageFormat::from_path(&path).unwrap(), 0.0).unwrap();
         let whole = fs::read(&path).unwrap();
         fs::write(&path, &whole[..whole.len() * 2 / 3]).unwrap();
         assert_eq!(read(&path).unwrap_err().exit_code(), 2, "a truncated .{extension}");

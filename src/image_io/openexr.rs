@@ -3,6 +3,7 @@
 use super::{LinearImage, check_dimensions};
 use crate::film::{Film, sanitised};
 use exr::meta::MetaData;
+use exr::meta::header::Header;
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, ReadChannels, ReadLayers,
     Text, Vec2, WritableImage, read,
@@ -40,13 +41,28 @@ fn channels(film: &Film) -> impl Iterator<Item = AnyChannel<FlatSamples>> + '_ {
     picture.chain(layers)
 }
 
+/// Decoded bytes that one byte of a file can stand for, at most: deflate's 1032, and some room for the other codecs.
+const MAX_EXPANSION: u64 = 1100;
+
+/// Refuses a part that the file cannot have room for: blocks of many channels are allocated whole.
+fn check_header(header: &Header, file_length: u64) -> Result<(), String> {
+    let (width, height) = (header.layer_size.0 as u64, header.layer_size.1 as u64);
+    check_dimensions(width, height, file_length)?;
+    let channels = header.channels.list.len();
+    let bytes = (width * height).saturating_mul(header.channels.bytes_per_pixel as u64);
+    if bytes > file_length.saturating_mul(MAX_EXPANSION) {
+        return Err(format!(
+            "a file of {file_length} bytes cannot hold {width} x {height} pixels of {channels} channels"
+        ));
+    }
+    Ok(())
+}
+
 /// The first layer that has channels R, G and B.
 pub fn decode(mut reader: impl Read + Seek, file_length: u64) -> Result<LinearImage, String> {
     let damaged = |e: exr::error::Error| format!("is no readable OpenEXR image: {e}");
     let meta = MetaData::read_from_buffered(&mut reader, false).map_err(damaged)?;
-    for header in &meta.headers {
-        check_dimensions(header.layer_size.0 as u64, header.layer_size.1 as u64, file_length)?;
-    }
+    meta.headers.iter().try_for_each(|header| check_header(header, file_length))?;
     reader.rewind().map_err(|e| e.to_string())?;
     let image = read()
         .no_deep_data()

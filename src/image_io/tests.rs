@@ -170,6 +170,17 @@ fn dimensions_beyond_the_file_are_refused_before_allocating() {
     let message = read(&path).unwrap_err().to_string();
     assert!(message.contains("2000000000 x 2000000000"), "{message}");
     assert!(check_dimensions(0, 5, 100).is_err());
+
+    // An EXR file whose data window (after its name, type and size) claims 1024 rows instead of 8.
+    let mut bytes = openexr::encode(&Film::new(8192, 8, &[])).unwrap();
+    let name = b"dataWindow\0box2i\0";
+    let window = bytes.windows(name.len()).position(|w| w == name).unwrap() + name.len() + 4;
+    assert_eq!(bytes[window + 12..window + 16], 7i32.to_le_bytes());
+    bytes[window + 12..window + 16].copy_from_slice(&1023i32.to_le_bytes());
+    let path = folder.path().join("bomb.exr");
+    fs::write(&path, bytes).unwrap();
+    let message = read(&path).unwrap_err().to_string();
+    assert!(message.contains("8192 x 1024 pixels of 3 channels"), "{message}");
     assert!(read(folder.path()).is_err(), "a folder");
     assert!(check_dimensions(4096, 4096, 1 << 20).is_ok());
 }

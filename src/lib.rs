@@ -4,9 +4,18 @@
 //! hemicube; the weighted sum of its pixels is the irradiance there. See ARCHITECTURE.md for the way through the program.
 
 pub mod accel;
+pub mod atomic_file;
+pub mod cli;
 pub mod error;
+pub mod film;
 pub mod gather;
 pub mod hemicube;
+pub mod image_io;
+pub mod interrupt;
 pub mod math;
+pub mod measure;
+pub mod output;
+pub mod progress;
 pub mod scene;
+pub mod stats;
 pub mod surfel;

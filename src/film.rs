@@ -1,0 +1,276 @@
+//! The picture: scene-linear pixels, optional layers beside them, and the way to displayable values.
+
+use crate::error::{Error, Result};
+use glam::Vec3;
+use std::fmt;
+use std::ops::{AddAssign, Div};
+use std::str::FromStr;
+
+/// A quantity that a film can hold beside the picture itself ("arbitrary output variable").
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Aov {
+    /// Direct part of the radiance, W sr-1 m-2.
+    Direct,
+    /// Indirect part of the radiance, W sr-1 m-2.
+    Indirect,
+    /// Diffuse albedo, 0..1.
+    Albedo,
+    /// Unit shading normal in world space; zero where the ray left the scene.
+    Normal,
+    /// Distance from the camera along the ray, scene units; zero where the ray left the scene.
+    Depth,
+}
+
+impl Aov {
+    /// All layers, in the order in which messages list them.
+    pub const ALL: [Self; 5] = [Self::Direct, Self::Indirect, Self::Albedo, Self::Normal, Self::Depth];
+
+    /// The name on the command line and in EXR files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Direct => "direct",
+            Self::Indirect => "indirect",
+            Self::Albedo => "albedo",
+            Self::Normal => "normal",
+            Self::Depth => "depth",
+        }
+    }
+
+    /// Suffixes of the EXR channels, one a component.
+    pub fn channels(self) -> &'static [&'static str] {
+        match self {
+            Self::Direct | Self::Indirect | Self::Albedo => &["R", "G", "B"],
+            Self::Normal => &["X", "Y", "Z"],
+            Self::Depth => &["Z"],
+        }
+    }
+
+    /// What may be written for `value`: normals keep their sign, everything else is a radiance-like quantity.
+    fn sanitised(self, value: Vec3) -> Vec3 {
+        match self {
+            Self::Normal => value.map(|v| if v.is_finite() { v } else { 0.0 }),
+            _ => sanitised(value),
+        }
+    }
+}
+
+impl fmt::Display for Aov {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Aov {
+    type Err = Error;
+
+    fn from_str(name: &str) -> Result<Self> {
+        Self::ALL.into_iter().find(|aov| aov.name() == name).ok_or_else(|| {
+            let known = Self::ALL.map(Self::name).join(", ");
+            Error::Usage(format!("unknown layer '{name}': the layers are {known}"))
+        })
+    }
+}
+
+/// Everything that a film records of a camera ray; of a pixel, the mean over its rays.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct PixelValue {
+    /// Emitted and directly reflected radiance.
+    pub direct: Vec3,
+    /// Indirectly reflected radiance.
+    pub indirect: Vec3,
+    /// See [`Aov::Albedo`].
+    pub albedo: Vec3,
+    /// See [`Aov::Normal`].
+    pub normal: Vec3,
+    /// See [`Aov::Depth`].
+    pub depth: f32,
+}
+
+impl PixelValue {
+    /// A ray that left the scene.
+    pub fn background(radiance: Vec3) -> Self {
+        Self { direct: radiance, ..Self::default() }
+    }
+
+    /// A ray that met a surface which sends no light.
+    pub fn black(normal: Vec3, depth: f32) -> Self {
+        Self { normal, depth, ..Self::default() }
+    }
+
+    fn layer(&self, aov: Aov) -> Vec3 {
+        match aov {
+            Aov::Direct => self.direct,
+            Aov::Indirect => self.indirect,
+            Aov::Albedo => self.albedo,
+            Aov::Normal => self.normal,
+            Aov::Depth => Vec3::splat(self.depth),
+        }
+    }
+}
+
+impl AddAssign for PixelValue {
+    fn add_assign(&mut self, other: Self) {
+        self.direct += other.direct;
+        self.indirect += other.indirect;
+        self.albedo += other.albedo;
+        self.normal += other.normal;
+        self.depth += other.depth;
+    }
+}
+
+impl Div<f32> for PixelValue {
+    type Output = Self;
+
+    fn div(self, divisor: f32) -> Self {
+        Self {
+            direct: self.direct / divisor,
+            indirect: self.indirect / divisor,
+            albedo: self.albedo / divisor,
+            normal: self.normal / divisor,
+            depth: self.depth / divisor,
+        }
+    }
+}
+
+/// One layer of a film.
+#[derive(Debug, Clone)]
+pub struct Layer {
+    /// What it holds.
+    pub aov: Aov,
+    /// `aov.channels().len()` numbers a pixel, pixel after pixel.
+    values: Vec<f32>,
+}
+
+impl Layer {
+    /// One component of every pixel, in pixel order.
+    pub fn plane(&self, component: usize) -> impl Iterator<Item = f32> + '_ {
+        self.values.iter().skip(component).step_by(self.aov.channels().len()).copied()
+    }
+}
+
+/// A picture under way or finished: rows from the top, pixels from the left.
+#[derive(Debug, Clone)]
+pub struct Film {
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Scene-linear Rec. 709 radiance, W sr-1 m-2.
+    pub pixels: Vec<Vec3>,
+    layers: Vec<Layer>,
+}
+
+impl Film {
+    /// A black film with the given layers (repeated ones count once).
+    pub fn new(width: u32, height: u32, aovs: &[Aov]) -> Self {
+        let count = width as usize * height as usize;
+        let layers = Aov::ALL
+            .into_iter()
+            .filter(|aov| aovs.contains(aov))
+            .map(|aov| Layer { aov, values: vec![0.0; count * aov.channels().len()] })
+            .collect();
+        Self { width, height, pixels: vec![Vec3::ZERO; count], layers }
+    }
+
+    /// The layers that were asked for.
+    pub fn layers(&self) -> &[Layer] {
+        &self.layers
+    }
+
+    /// Records a pixel: the picture is the sum of its direct and indirect parts, and what is asked for beside it goes to
+    /// the layers.
+    pub fn set(&mut self, pixel: usize, value: PixelValue) {
+        self.pixels[pixel] = value.direct + value.indirect;
+        for layer in &mut self.layers {
+            let n = layer.aov.channels().len();
+            let clean = layer.aov.sanitised(value.layer(layer.aov));
+            layer.values[pixel * n..][..n].copy_from_slice(&clean.to_array()[..n]);
+        }
+    }
+
+    /// Replaces every value that must not be written (see [`sanitised`]) and says how many pixels had one, so that the
+    /// caller can warn.
+    pub fn sanitise(&mut self) -> usize {
+        let mut repaired = 0;
+        for pixel in &mut self.pixels {
+            let clean = sanitised(*pixel);
+            repaired += usize::from(clean != *pixel);
+            *pixel = clean;
+        }
+        repaired
+    }
+}
+
+/// A radiance that may be written: NaN and negative values become 0, infinity the largest finite number.
+pub fn sanitised(radiance: Vec3) -> Vec3 {
+    radiance.map(|v| if v > 0.0 { v.min(f32::MAX) } else { 0.0 })
+}
+
+/// Factor of an exposure in stops.
+pub fn exposure_factor(stops: f32) -> f32 {
+    stops.exp2()
+}
+
+/// The sRGB transfer function (IEC 61966-2-1), linear to encoded; clips to [0, 1].
+pub fn srgb_encode(linear: f32) -> f32 {
+    let x = linear.clamp(0.0, 1.0);
+    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// The inverse of [`srgb_encode`].
+pub fn srgb_decode(encoded: f32) -> f32 {
+    if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+/// The nearest of 256 levels for an encoded value in [0, 1].
+pub fn quantise(encoded: f32) -> u8 {
+    (encoded * 255.0 + 0.5) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_that_is_not_a_radiance_survives() {
+        let mut film = Film::new(3, 1, &[]);
+        film.pixels =
+            vec![Vec3::new(f32::NAN, -1.0, 2.0), Vec3::new(f32::INFINITY, f32::NEG_INFINITY, 0.0), Vec3::ONE];
+        assert_eq!(film.sanitise(), 2);
+        assert_eq!(film.pixels, [Vec3::new(0.0, 0.0, 2.0), Vec3::new(f32::MAX, 0.0, 0.0), Vec3::ONE]);
+    }
+
+    #[test]
+    fn layers_exist_only_when_asked_for() {
+        let mut film = Film::new(2, 1, &[Aov::Depth, Aov::Normal, Aov::Depth]);
+        assert_eq!(film.layers().len(), 2);
+        let mut value = PixelValue::black(Vec3::new(0.0, -2.0, f32::NAN), 4.0);
+        value += PixelValue { depth: 2.0, indirect: Vec3::X, ..PixelValue::background(Vec3::ONE) };
+        film.set(1, value / 2.0);
+        assert_eq!(film.pixels, [Vec3::ZERO, Vec3::new(1.0, 0.5, 0.5)]);
+        let normal = &film.layers()[0];
+        assert_eq!(normal.plane(1).collect::<Vec<_>>(), [0.0, -1.0]);
+        assert_eq!(normal.plane(2).collect::<Vec<_>>(), [0.0, 0.0]);
+        assert_eq!(film.layers()[1].plane(0).collect::<Vec<_>>(), [0.0, 3.0]);
+    }
+
+    #[test]
+    fn layer_names_parse() {
+        for aov in Aov::ALL {
+            assert_eq!(aov.name().parse::<Aov>().unwrap(), aov);
+        }
+        let message = "colour".parse::<Aov>().unwrap_err().to_string();
+        assert!(message.contains("'colour'") && message.contains("albedo"), "{message}");
+    }
+
+    #[test]
+    fn srgb_knows_its_fixed_values_and_every_level_survives() {
+        assert!((srgb_encode(0.5) - 0.735_357).abs() < 1e-6);
+        assert_eq!(quantise(srgb_encode(f32::NAN)), 0);
+        assert_eq!(quantise(srgb_encode(7.0)), 255);
+        for level in 0..=255u8 {
+            let linear = srgb_decode(f32::from(level) / 255.0);
+            assert_eq!(quantise(srgb_encode(linear)), level);
+        }
+    }
+}

@@ -1,0 +1,5 @@
+//! Measuring: how far two pictures are apart.
+
+pub mod flip;
+pub mod metrics;
+mod ssim;

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 /// Passes through all loops of a scene; what needs more is taken for endless.
-const MAX_PASSES: u32 = 1_000_000;
+pub(super) const MAX_PASSES: u32 = 1_000_000;
 
 /// Files within files.
 const MAX_INCLUDES: usize = 32;
@@ -229,13 +229,13 @@ impl Parser {
 
     /// Tests the condition, behind which the body stands, and enters or leaves the loop.
     fn run_loop(&mut self, frame: Frame) -> Parsed<()> {
-        self.passes += 1;
-        if self.passes > MAX_PASSES {
+        if self.passes_left == 0 {
             return fault(
                 frame.position,
                 format!("#while: the loop limit of {MAX_PASSES} passes is exceeded"),
             );
         }
+        self.passes_left -= 1;
         if self.bracketed_condition()? {
             self.frames.push(frame);
         } else {

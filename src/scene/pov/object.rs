@@ -9,8 +9,11 @@ use crate::scene::PunctualLight;
 use glam::{DAffine3, DMat3, DVec3};
 use std::rc::Rc;
 
-/// Copies of declared objects may have this many primitives in all: doubling one twenty times fills any memory.
-const MAX_COPIES: usize = 4_000_000;
+/// Copies of declared objects may be this large in all: doubling one thirty times fills any memory.
+const MAX_COPIES: usize = 1_000_000;
+
+/// Triangles that take as much memory as another primitive does.
+const TRIANGLES_PER_PRIMITIVE: usize = 4;
 
 /// The form of a primitive, before its transform.
 #[derive(Debug, Clone)]
@@ -65,9 +68,11 @@ impl Object {
         self.lights.extend(child.lights);
     }
 
+    /// What a copy adds to the scene, in primitives.
     fn size(&self) -> usize {
-        let primitives = |p: &Part| if let Form::Mesh(mesh) = &p.form { mesh.triangles.len() } else { 1 };
-        self.parts.iter().map(primitives).sum::<usize>() + self.lights.len()
+        let triangles = |p: &Part| if let Form::Mesh(mesh) = &p.form { mesh.triangles.len() } else { 0 };
+        let triangles: usize = self.parts.iter().map(triangles).sum();
+        self.parts.len() + self.lights.len() + triangles / TRIANGLES_PER_PRIMITIVE
     }
 }
 
@@ -248,7 +253,7 @@ impl Parser {
         self.next()?;
         self.copies = self.copies.saturating_add(object.size());
         if self.copies > MAX_COPIES {
-            return fault(at, format!("copies of declared objects have more than {MAX_COPIES} primitives"));
+            return fault(at, "the copies of declared objects have too many primitives");
         }
         Ok(Some(Object::clone(&object)))
     }

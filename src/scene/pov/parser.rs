@@ -1,6 +1,6 @@
 //! The token stream that all statements read from: look-ahead, blocks, identifiers, warnings.
 
-use super::directives::{Frame, OpenFile};
+use super::directives::{Frame, MAX_PASSES, OpenFile};
 use super::lexer::{Fault, Parsed, Position, Token, fault};
 use super::output::Output;
 use super::texture::Texture;
@@ -22,8 +22,8 @@ pub(super) struct Parser {
     pub files: Vec<OpenFile>,
     /// Conditions and loops that are open.
     pub frames: Vec<Frame>,
-    /// Passes through all loops.
-    pub passes: u32,
+    /// Passes through all loops that are still allowed.
+    pub passes_left: u32,
     /// Identifiers: the global ones first, then those that are local to each open file.
     pub scopes: Vec<HashMap<String, Value>>,
     /// What objects look like that have no texture (`#default`).
@@ -46,7 +46,7 @@ impl Parser {
             sources: Vec::new(),
             files: Vec::new(),
             frames: Vec::new(),
-            passes: 0,
+            passes_left: MAX_PASSES,
             scopes: vec![HashMap::from([surflux])],
             default_texture: Texture::default(),
             output: Output::default(),

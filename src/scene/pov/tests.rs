@@ -187,15 +187,21 @@ fn copies_cannot_fill_the_memory() {
     assert!(message(&text).contains("copies"));
 }
 
-/// Every prefix of a file that uses the whole language ends in a scene or an error, never in a panic.
+/// Every prefix of a file that uses the whole language, and the file without any one of its bytes, ends in a scene or an
+/// error, never in a panic.
 #[test]
-fn truncated_files_never_panic() {
+fn damaged_files_never_panic() {
     let text = include_str!("everything.pov");
     assert!(parse(text).is_ok(), "{}", message(text));
-    for end in (0..text.len()).filter(|end| text.is_char_boundary(*end)) {
-        let _outcome = parse(&text[..end]);
-        let mut holed = text.as_bytes().to_vec();
-        holed.remove(end);
-        let _outcome = super::parse(Path::new("test.pov"), &holed);
+    let attempt = |text: &[u8]| {
+        let mut parser = Parser::new();
+        parser.passes_left = 100;
+        parser.open_file(Path::new("test.pov"), text);
+        let _outcome = parser.scene();
+        parser.output.finish()
+    };
+    for end in 0..text.len() {
+        attempt(&text.as_bytes()[..end]);
+        attempt(&[&text.as_bytes()[..end], &text.as_bytes()[end + 1..]].concat());
     }
 }

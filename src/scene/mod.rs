@@ -5,6 +5,7 @@
 //! scene modelled in microns or in kilometres, or far from the origin, renders the same. A `Scene` never changes after load.
 
 use glam::{DAffine3, DVec3, Vec3};
+use std::path::PathBuf;
 
 /// How a surface reflects and emits. Radiances in W sr-1 m-2, linear Rec. 709.
 #[derive(Debug, Clone, PartialEq)]
@@ -106,10 +107,9 @@ pub struct Camera {
     /// Half the picture's width at unit distance: `tan(fov_x / 2)` along the picture's right. The picture may be
     /// mirrored or stretched (POV `right`).
     pub right: DVec3,
-    /// Half the picture's height at unit distance, along the picture's up. `None`: from `right` and the pixel aspect,
-    /// with square pixels; the vector is then the unit up direction.
+    /// Half the picture's height at unit distance, along the picture's up.
     pub up: DVec3,
-    /// Whether `up` must be rescaled to the picture's width : height (square pixels).
+    /// Whether only the direction of `up` counts, and its length follows from `right` and the picture's height : width.
     pub square_pixels: bool,
 }
 
@@ -128,6 +128,8 @@ pub struct SceneDescription {
     pub camera: Option<Camera>,
     /// Remarks for the user, each naming file and line.
     pub warnings: Vec<String>,
+    /// The files, for messages about the scene as a whole.
+    pub sources: Vec<PathBuf>,
 }
 
 /// The map between the user's space and the scene's: `scene = (user - centre) * scale`.
@@ -190,7 +192,17 @@ pub struct Scene {
     pub normalisation: Normalisation,
 }
 
+mod bounds;
+mod framing;
+mod load;
+mod mesh;
 mod normalise;
+pub mod obj;
+pub mod pov;
+mod source;
+
+pub use framing::default_framing;
+pub use load::load;
 
 impl Scene {
     /// Number of primitives of all kinds.

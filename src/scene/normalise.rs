@@ -1,19 +1,19 @@
 //! From the user's units to scene space.
 
 use super::{Normalisation, PunctualEmission, PunctualLight, Quadric, Scene, SceneDescription, Shape};
-use crate::error::{Error, Result};
-use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
+use crate::error::Result;
+use glam::{Affine3A, DAffine3, DVec3, Vec3};
 
 /// Sides below this fraction of the scene's size make a triangle degenerate: its normal is noise.
 const DEGENERATE: f64 = 1e-12;
 
 impl Scene {
-    /// Recentres, scales and flattens a description. Triangles without area are dropped.
+    /// Recentres, scales and flattens a description. Surfaces without area are dropped.
     ///
     /// # Errors
     /// When no surface with an area is left.
     pub fn new(description: &SceneDescription) -> Result<Self> {
-        let normalisation = bounds(description)?;
+        let normalisation = unit_cube(description)?;
         let mut scene = Self {
             triangles: Vec::new(),
             normals: Vec::new(),
@@ -34,7 +34,7 @@ impl Scene {
             scene.push(shape, smooth);
         }
         if scene.primitive_count() == 0 {
-            return Err(Error::Usage("the scene has no geometry: every surface is degenerate".into()));
+            return Err(description.error("there is no geometry: every surface is degenerate"));
         }
         Ok(scene)
     }
@@ -52,10 +52,10 @@ impl Scene {
                 }
             }
             Shape::Sphere { transform, material } => {
-                self.spheres.push(quadric(transform, *material, &self.normalisation));
+                self.spheres.extend(quadric(transform, *material, &self.normalisation));
             }
             Shape::Cuboid { transform, material } => {
-                self.cuboids.push(quadric(transform, *material, &self.normalisation));
+                self.cuboids.extend(quadric(transform, *material, &self.normalisation));
             }
         }
     }
@@ -68,7 +68,8 @@ impl Scene {
         smooth: bool,
     ) {
         let scale = self.normalisation.scale;
-        let cross = (corners[1] - corners[0]).cross(corners[2] - corners[0]) * (scale * scale);
+        // Scaled first: products of large coordinates would overflow.
+        let cross = ((corners[1] - corners[0]) * scale).cross((corners[2] - corners[0]) * scale);
         if cross.length() < DEGENERATE {
             return;
         }
@@ -81,45 +82,24 @@ impl Scene {
     }
 }
 
-/// The bounding box of all geometry as a map to the unit cube.
-fn bounds(description: &SceneDescription) -> Result<Normalisation> {
-    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let mut grow = |p: DVec3| {
-        low = low.min(p);
-        high = high.max(p);
+/// The map that takes the bounding box of all geometry to the unit cube.
+fn unit_cube(description: &SceneDescription) -> Result<Normalisation> {
+    let Some([low, high]) = description.bounding_box() else {
+        return Err(description.error("there is no geometry: the scene is empty"));
     };
-    for shape in &description.shapes {
-        match shape {
-            Shape::Mesh { positions, triangles, .. } => {
-                triangles.iter().flatten().for_each(|&i| grow(positions[i as usize]));
-            }
-            Shape::Sphere { transform, .. } => {
-                let extent = half_extent(&transform.matrix3, true);
-                grow(transform.translation - extent);
-                grow(transform.translation + extent);
-            }
-            Shape::Cuboid { transform, .. } => {
-                let extent = half_extent(&transform.matrix3, false);
-                grow(transform.translation - extent);
-                grow(transform.translation + extent);
-            }
-        }
-    }
     let size = (high - low).max_element();
-    if !(size.is_finite() && size > 0.0) {
-        return Err(Error::Usage("the scene has no geometry with an area".into()));
+    let scale = 1.0 / size;
+    if size == 0.0 {
+        Err(description.error("there is no geometry with an area: every surface is degenerate"))
+    } else if size.is_finite() && scale.is_finite() {
+        Ok(Normalisation { centre: low * 0.5 + high * 0.5, scale })
+    } else {
+        Err(description.error(format!("the scene's size, {size:e}, is out of range")))
     }
-    Ok(Normalisation { centre: (low + high) * 0.5, scale: 1.0 / size })
 }
 
-/// Half the size of the axis-aligned box about a transformed unit sphere (`round`) or cube.
-fn half_extent(m: &DMat3, round: bool) -> DVec3 {
-    let row = |i: usize| DVec3::new(m.x_axis[i], m.y_axis[i], m.z_axis[i]);
-    let size = |v: DVec3| if round { v.length() } else { v.abs().element_sum() };
-    DVec3::new(size(row(0)), size(row(1)), size(row(2)))
-}
-
-fn quadric(transform: &DAffine3, material: u32, normalisation: &Normalisation) -> Quadric {
+/// The quadric in scene space, unless it is too small or too flat there to have an inverse.
+fn quadric(transform: &DAffine3, material: u32, normalisation: &Normalisation) -> Option<Quadric> {
     let to_scene = DAffine3 {
         matrix3: transform.matrix3 * normalisation.scale,
         translation: (transform.translation - normalisation.centre) * normalisation.scale,
@@ -128,7 +108,8 @@ fn quadric(transform: &DAffine3, material: u32, normalisation: &Normalisation) -
         matrix3: a.matrix3.as_mat3().into(),
         translation: a.translation.as_vec3().into(),
     };
-    Quadric { to_scene: single(&to_scene), to_object: single(&to_scene.inverse()), material }
+    let (to_scene, to_object) = (single(&to_scene), single(&to_scene.inverse()));
+    to_object.is_finite().then_some(Quadric { to_scene, to_object, material })
 }
 
 /// Inverse-square intensities scale with the square of lengths, so that irradiance stays what it is.

@@ -90,7 +90,7 @@ impl Accel {
     /// The nearest surface with `0 < t < tmax`. `origin` must already be offset from the surface that the ray leaves
     /// (see [`offset_origin`]).
     pub fn closest_hit(&self, origin: Vec3, direction: Vec3, tmax: f32) -> Option<Hit> {
-        let ray = Ray::new(origin.into(), direction.into(), 0.0, tmax);
+        let ray = ray(origin, direction, tmax);
         let mut found = RayHit::none();
         self.bvh.ray_traverse(ray, &mut found, |ray, i| self.intersect(ray, i)).then(|| {
             let leaf = found.primitive_id as usize;
@@ -100,7 +100,7 @@ impl Accel {
 
     /// Whether any surface blocks the ray at `0 < t < tmax`.
     pub fn occluded(&self, origin: Vec3, direction: Vec3, tmax: f32) -> bool {
-        let ray = Ray::new(origin.into(), direction.into(), 0.0, tmax);
+        let ray = ray(origin, direction, tmax);
         !self.bvh.ray_traverse_miss(ray, |ray, i| self.intersect(ray, i))
     }
 
@@ -160,6 +160,12 @@ impl Accel {
         };
         (tri.v0 + tri.e1 * u + tri.e2 * v, normal, shading)
     }
+}
+
+/// A ray as obvhs 0.4 can follow it: a direction of -0.0 along an axis makes its box test swap near and far and miss
+/// everything, so zeros are made positive.
+fn ray(origin: Vec3, direction: Vec3, tmax: f32) -> Ray {
+    Ray::new(origin.into(), (direction + Vec3::ZERO).into(), 0.0, tmax)
 }
 
 /// Moves a surface point to the side that `direction` leaves for, along the geometric normal.
@@ -314,4 +320,26 @@ pub fn cluster(boxes: &[(Vec3, Vec3)]) -> ClusterTree {
         false => ClusterNode::Inner(node.first_index),
     });
     ClusterTree { nodes: nodes.collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Material, SceneDescription, Shape};
+    use glam::DAffine3;
+
+    #[test]
+    fn rays_along_an_axis_hit_whatever_the_signs_of_their_zeros() {
+        let sphere = Shape::Sphere { transform: DAffine3::IDENTITY, material: 0 };
+        let description = SceneDescription {
+            shapes: vec![sphere],
+            materials: vec![Material::default()],
+            ..SceneDescription::default()
+        };
+        let accel = Accel::new(Arc::new(Scene::new(&description).expect("has an area")));
+        for direction in [Vec3::new(-0.0, -0.0, -1.0), Vec3::new(0.0, -0.0, -1.0), Vec3::NEG_Z] {
+            assert!(accel.closest_hit(Vec3::Z, direction, f32::INFINITY).is_some(), "{direction:?}");
+            assert!(accel.occluded(Vec3::Z, direction, f32::INFINITY), "{direction:?}");
+        }
+    }
 }

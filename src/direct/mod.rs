@@ -1,0 +1,247 @@
+//! Direct light: what reaches a point straight from lights and emissive surfaces.
+//!
+//! Up to [`EXACT_LIMIT`] emitters, unshadowed irradiance is exact (Lambert's polygon formula, the closed form of a sphere)
+//! and shadow rays only scale it. Beyond that, a bounded number of samples is chosen by power.
+
+mod chosen;
+mod collect;
+mod local;
+mod many;
+mod merge;
+mod patch;
+mod polygon;
+mod punctual;
+mod round;
+mod sequence;
+mod shadow;
+mod view;
+
+use crate::accel::{Accel, RAY_OFFSET, offset_origin};
+use crate::math::Rng;
+use crate::scene::Scene;
+use chosen::SeenLights;
+use collect::{emissive_surfaces, emits};
+use glam::Vec3;
+use local::Local;
+use many::ManyEmitters;
+use polygon::PolygonLight;
+use punctual::Punctual;
+use round::RoundLight;
+use sequence::Sequence;
+use shadow::{Query, Tally};
+use std::f32::consts::PI;
+use view::View;
+
+/// Emissive polygons and spheres whose unshadowed light is summed exactly.
+pub const EXACT_LIMIT: usize = 256;
+
+/// Lights that are given shadow rays of their own; the lights of a scene with more share one set.
+pub const OWN_RAYS_LIMIT: usize = 32;
+
+/// A surface point that receives light, scene space.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LitPoint {
+    /// Position, on the surface or free in space.
+    pub position: Vec3,
+    /// Unit normal for cosines, on the side that is lit.
+    pub normal: Vec3,
+    /// Unit normal of the flat surface, on the same side: shadow rays start off it, and nothing below it is seen.
+    pub geometric_normal: Vec3,
+}
+
+impl LitPoint {
+    /// A point of a flat surface, or a free one.
+    pub fn flat(position: Vec3, normal: Vec3) -> Self {
+        Self { position, normal, geometric_normal: normal }
+    }
+
+    /// Whether nothing stands between the point and a point of an emitter. `emitter_normal` is the unit normal of the
+    /// emitting side, or zero where there is no surface; `direction` leads from here to there.
+    fn sees(&self, accel: &Accel, emitter: Vec3, emitter_normal: Vec3, direction: Vec3) -> bool {
+        if direction.dot(self.geometric_normal) <= 0.0 {
+            return false;
+        }
+        let here = offset_origin(self.position, self.geometric_normal, direction);
+        let there = emitter + emitter_normal * RAY_OFFSET;
+        // From the emitter, which is inside the scene, while a free receiver may be so far off that a ray from it would
+        // not meet the emitter's plane to within the offset.
+        !accel.segment_occluded(there, here)
+    }
+}
+
+/// Which random numbers a point uses, and how many.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Sampling {
+    /// Seed of the whole job.
+    pub seed: u32,
+    /// The point's own stream, usually its index.
+    pub stream: u64,
+    /// Shadow rays a light; in scenes with more than [`OWN_RAYS_LIMIT`] lights, rays for all of them together. 0 counts
+    /// as 1.
+    pub samples: u32,
+}
+
+/// A Blinn-Phong lobe and who looks at it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gloss {
+    /// Unit vector from the point to the eye.
+    pub to_eye: Vec3,
+    /// Exponent.
+    pub shininess: f32,
+}
+
+impl Gloss {
+    /// `(n.h)^shininess / pi`, sr-1, for light from a direction (Blinn 1977; Schmitt 2012, eq. 2.6).
+    fn lobe(&self, normal: Vec3, to_light: Vec3) -> f32 {
+        let half = (self.to_eye + to_light).normalize_or_zero();
+        normal.dot(half).max(0.0).powf(self.shininess) / PI
+    }
+}
+
+/// Direct light at a point.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct DirectLight {
+    /// Irradiance, W m-2; not multiplied by albedo / pi.
+    pub irradiance: Vec3,
+    /// Specular radiance before `Material::specular` weighs it, W m-2 sr-1: (n.h)^shininess times the irradiance that a
+    /// surface facing the light would get, over pi, summed over the lights. Zero without [`Gloss`].
+    pub specular: Vec3,
+}
+
+impl std::ops::AddAssign for DirectLight {
+    fn add_assign(&mut self, other: Self) {
+        self.irradiance += other.irradiance;
+        self.specular += other.specular;
+    }
+}
+
+impl std::ops::Mul<f32> for DirectLight {
+    type Output = Self;
+
+    fn mul(self, factor: f32) -> Self {
+        Self { irradiance: self.irradiance * factor, specular: self.specular * factor }
+    }
+}
+
+#[derive(Debug, Clone)]
+enum Light {
+    Polygon(PolygonLight),
+    Round(RoundLight),
+    Punctual(Punctual),
+}
+
+impl Light {
+    fn view(&self, local: &Local) -> Option<View<'_>> {
+        match self {
+            Self::Polygon(polygon) => polygon.view(local),
+            Self::Round(round) => round.view(local),
+            Self::Punctual(punctual) => punctual.view(local),
+        }
+        .filter(|view| view.unshadowed.max_element() > 0.0)
+    }
+}
+
+/// All lights of a scene.
+#[derive(Debug, Clone)]
+pub struct Lights {
+    /// Those whose unshadowed light is known in closed form.
+    exact: Vec<Light>,
+    /// Emissive surfaces, when there are too many for `exact`.
+    many: Option<ManyEmitters>,
+}
+
+impl Lights {
+    /// Collects the lights without a surface and the emissive primitives.
+    pub fn new(scene: &Scene) -> Self {
+        let mut exact: Vec<Light> =
+            scene.lights.iter().map(|light| Light::Punctual(Punctual::new(light))).collect();
+        let surfaces = emissive_surfaces(scene);
+        let many = (surfaces.len() > EXACT_LIMIT).then(|| {
+            let primitives = (0..scene.primitive_count() as u32).filter(|&p| emits(scene, p)).collect();
+            ManyEmitters::new(scene, primitives)
+        });
+        if many.is_none() {
+            exact.extend(surfaces);
+        }
+        Self { exact, many }
+    }
+
+    /// Whether there is nothing to sample.
+    pub fn is_empty(&self) -> bool {
+        self.exact.is_empty() && self.many.is_none()
+    }
+
+    /// Irradiance at a point, W m-2: exact where the point sees all or nothing of every light.
+    pub fn irradiance(&self, accel: &Accel, point: &LitPoint, sampling: Sampling) -> Vec3 {
+        self.shade(accel, point, None, sampling).irradiance
+    }
+
+    /// Irradiance and specular light at a point.
+    pub fn shade(
+        &self,
+        accel: &Accel,
+        point: &LitPoint,
+        gloss: Option<Gloss>,
+        sampling: Sampling,
+    ) -> DirectLight {
+        let query = Query { accel, point, gloss };
+        let Sampling { seed, stream, samples } = sampling;
+        let mut light = if self.exact.len() <= OWN_RAYS_LIMIT {
+            self.shade_each(&query, sampling)
+        } else {
+            self.shade_together(&query, sampling)
+        };
+        if let Some(many) = &self.many {
+            let sequences = [0, 1, 2].map(|k| Sequence::new(seed, stream, u32::MAX - k));
+            light += many.estimate(&query, sequences, samples);
+        }
+        light
+    }
+
+    /// An unbiased estimate of the irradiance, W m-2, from one shadow ray (two rays beyond [`EXACT_LIMIT`] emitters), for
+    /// averages over many points.
+    pub fn estimate(&self, accel: &Accel, point: &LitPoint, rng: &mut Rng) -> Vec3 {
+        let query = Query { accel, point, gloss: None };
+        let mut tally = Tally::default();
+        if let Some(seen) = SeenLights::new(self, Local::new(point)) {
+            seen.trace(&mut tally, &query, rng.unit(), rng.unit2());
+        }
+        let mut sum = tally.mean();
+        if let Some(many) = &self.many {
+            let sequences = [0, 1, 2].map(|k| Sequence::new(rng.next_u32(), 0, k));
+            sum += many.estimate(&query, sequences, 2).irradiance;
+        }
+        sum
+    }
+
+    fn views<'a>(&'a self, local: &'a Local) -> impl Iterator<Item = (usize, View<'a>)> {
+        self.exact.iter().enumerate().filter_map(|(i, light)| Some((i, light.view(local)?)))
+    }
+
+    /// Every light with shadow rays of its own.
+    fn shade_each(&self, query: &Query, sampling: Sampling) -> DirectLight {
+        let Sampling { seed, stream, samples } = sampling;
+        let local = Local::new(query.point);
+        let mut light = DirectLight::default();
+        for (i, view) in self.views(&local) {
+            let sequence = Sequence::new(seed, stream, i as u32);
+            light += shadow::from_one(query, &view, sequence, samples);
+        }
+        light
+    }
+
+    /// The exact sum of unshadowed light, times the visibility along rays shared in proportion.
+    fn shade_together(&self, query: &Query, sampling: Sampling) -> DirectLight {
+        let Some(seen) = SeenLights::new(self, Local::new(query.point)) else {
+            return DirectLight::default();
+        };
+        let sequence = Sequence::new(sampling.seed, sampling.stream, 0);
+        let rays = sampling.samples.max(1);
+        let mut tally = Tally::default();
+        for i in 0..rays {
+            let choice = (i as f32 + sequence.shift()) / rays as f32;
+            seen.trace(&mut tally, query, choice, sequence.point(i));
+        }
+        seen.shadowed(&tally)
+    }
+}

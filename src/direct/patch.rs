@@ -1,0 +1,194 @@
+//! Points on a polygon for shadow rays, spread over the solid angle that it fills.
+//!
+//! The polygon, clipped to the horizon, is a fan of triangles. One is chosen in proportion to the irradiance from it, then a
+//! direction uniformly within its solid angle (Arvo, "Stratified Sampling of Spherical Triangles", SIGGRAPH 1995, in the
+//! stable form of pbrt-v4). What is left of the integrand is the cosine, so that weights stay bounded at contacts.
+
+use super::polygon::{CAPACITY, LocalPolygon, lambert};
+use crate::math::uniform_triangle;
+use glam::{DVec3, Vec2};
+use std::f64::consts::PI;
+
+/// Solid angle below which a triangle is sampled by area, sr: the weights hardly vary, and spherical angles lose digits.
+const SMALL: f64 = 1e-3;
+
+/// How far samples keep from the outline, relative to the polygon: one on the very edge could be cut off by the
+/// neighbouring surface through rounding.
+const INSET: f64 = 2e-6;
+
+/// A polygon above the horizon, ready for sampling.
+#[derive(Debug)]
+pub(super) struct Patch {
+    polygon: LocalPolygon,
+    /// Irradiance from the triangles of the fan up to and including each.
+    cumulative: [f64; CAPACITY],
+    middle: DVec3,
+}
+
+/// A point on a patch.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PatchSample {
+    /// Local coordinates.
+    pub(super) point: DVec3,
+    /// Estimates the solid angle of the patch: its mean over the unit square is that, sr.
+    pub(super) solid_angle: f64,
+    /// Share of the irradiance relative to the mean share: its mean over the unit square is 1.
+    pub(super) weight: f64,
+}
+
+impl Patch {
+    /// `None` when nothing of the polygon shines on the receiver.
+    pub(super) fn new(polygon: LocalPolygon) -> Option<Self> {
+        let corners = polygon.corners();
+        if corners.len() < 3 {
+            return None;
+        }
+        let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
+        let mut cumulative = [0.0; CAPACITY];
+        let mut sum = 0.0;
+        for (i, total) in cumulative.iter_mut().take(corners.len() - 2).enumerate() {
+            sum += lambert(&triangle(corners, i));
+            *total = sum;
+        }
+        (sum > 0.0).then_some(Self { polygon, cumulative, middle })
+    }
+
+    fn triangles(&self) -> usize {
+        self.polygon.corners().len() - 2
+    }
+
+    /// Irradiance from the patch with unit radiance, W m-2.
+    pub(super) fn irradiance(&self) -> f64 {
+        self.cumulative[self.triangles() - 1]
+    }
+
+    /// The point that belongs to a point of the unit square.
+    pub(super) fn sample(&self, u: Vec2) -> PatchSample {
+        let (chosen, share, x) = self.choose(f64::from(u.x));
+        let corners = triangle(self.polygon.corners(), chosen);
+        let (point, solid_angle) = sample_triangle(&corners, Vec2::new(x as f32, u.y));
+        let solid_angle = solid_angle / share;
+        let cosine = (point.z / point.length()).max(0.0);
+        PatchSample {
+            point: point + (self.middle - point) * INSET,
+            solid_angle,
+            weight: solid_angle * cosine / self.irradiance(),
+        }
+    }
+
+    /// A triangle in proportion to its irradiance, its share, and `u` stretched to what is left of it.
+    fn choose(&self, u: f64) -> (usize, f64, f64) {
+        let (total, count) = (self.irradiance(), self.triangles());
+        let wanted = u * total;
+        let chosen = self.cumulative[..count].partition_point(|&sum| sum <= wanted).min(count - 1);
+        let before = if chosen > 0 { self.cumulative[chosen - 1] } else { 0.0 };
+        let own = self.cumulative[chosen] - before;
+        (chosen, own / total, ((wanted - before) / own).clamp(0.0, 1.0))
+    }
+}
+
+fn triangle(corners: &[DVec3], i: usize) -> [DVec3; 3] {
+    [corners[0], corners[i + 1], corners[i + 2]]
+}
+
+/// A point of a triangle and the estimate of the triangle's solid angle that it stands for.
+fn sample_triangle(corners: &[DVec3; 3], u: Vec2) -> (DVec3, f64) {
+    let plane = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+    let solid_angle = solid_angle(&corners.map(|c| c.normalize_or_zero()));
+    if solid_angle > SMALL
+        && let Some(direction) = spherical_triangle(corners, u)
+    {
+        // The ray through the direction meets the triangle's plane.
+        let t = plane.dot(corners[0]) / plane.dot(direction);
+        if t.is_finite() && t > 0.0 {
+            return (direction * t, solid_angle);
+        }
+    }
+    let b = uniform_triangle(u).as_dvec2();
+    let point = corners[0] + (corners[1] - corners[0]) * b.x + (corners[2] - corners[0]) * b.y;
+    (point, 0.5 * plane.dot(point).abs() / point.length().powi(3))
+}
+
+/// Solid angle of a triangle of unit vectors, sr (Van Oosterom and Strackee 1983).
+fn solid_angle([a, b, c]: &[DVec3; 3]) -> f64 {
+    2.0 * a.dot(b.cross(*c)).abs().atan2(1.0 + a.dot(*b) + b.dot(*c) + c.dot(*a))
+}
+
+/// Uniform direction within the solid angle of a triangle; `None` when it is degenerate.
+fn spherical_triangle(corners: &[DVec3; 3], u: Vec2) -> Option<DVec3> {
+    let [a, b, c] = corners.map(|v| v.normalize_or_zero());
+    let ab = a.cross(b).try_normalize()?;
+    let bc = b.cross(c).try_normalize()?;
+    let ca = c.cross(a).try_normalize()?;
+    let (alpha, beta, gamma) = (ab.angle_between(-ca), bc.angle_between(-ab), ca.angle_between(-bc));
+
+    // Cut the triangle by an arc from b to a point c' of the side ac, so that a share u.x of its area is on a's side.
+    let area = f64::from(u.x) * (alpha + beta + gamma - PI);
+    let (sin_alpha, cos_alpha) = alpha.sin_cos();
+    let (sin_phi, cos_phi) = (area + PI - alpha).sin_cos();
+    let k1 = cos_phi + cos_alpha;
+    let k2 = sin_phi - sin_alpha * a.dot(b);
+    let numerator = k2 + (k2 * cos_phi - k1 * sin_phi) * cos_alpha;
+    let denominator = (k2 * sin_phi + k1 * cos_phi) * sin_alpha;
+    let cos_side = (numerator / denominator).clamp(-1.0, 1.0);
+    let cut = along_arc(a, c, cos_side)?;
+
+    // Then go from b towards c', uniformly in the cosine.
+    let cos_arc = 1.0 - f64::from(u.y) * (1.0 - cut.dot(b));
+    along_arc(b, cut, cos_arc.clamp(-1.0, 1.0))
+}
+
+/// The unit vector at an angle from `from`, towards `to`.
+fn along_arc(from: DVec3, to: DVec3, cosine: f64) -> Option<DVec3> {
+    let aside = to - from * to.dot(from);
+    let direction = from * cosine + aside.normalize_or_zero() * (1.0 - cosine * cosine).max(0.0).sqrt();
+    direction.is_finite().then_some(direction)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::direct::sequence::Sequence;
+
+    /// Samples must have mean weight 1, and estimate moments of the solid angle as samples by area do.
+    fn check(corners: [DVec3; 4]) {
+        let patch = Patch::new(LocalPolygon::above_horizon(corners.into_iter())).expect("visible");
+        let sequence = Sequence::new(1, 2, 3);
+        let n = 1 << 14;
+        let samples: Vec<PatchSample> = (0..n).map(|i| patch.sample(sequence.point(i))).collect();
+        let mean = |f: &dyn Fn(&PatchSample) -> f64| samples.iter().map(f).sum::<f64>() / f64::from(n);
+        let weight = mean(&|s| s.weight);
+        assert!((weight - 1.0).abs() < 2e-3, "mean weight {weight} of {corners:?}");
+        let (outline, inside) = (patch.polygon.corners(), mean(&|s| s.solid_angle));
+        let exact: f64 =
+            (0..patch.triangles()).map(|i| solid_angle(&triangle(outline, i).map(|c| c.normalize()))).sum();
+        assert!((inside / exact - 1.0).abs() < 2e-3, "solid angle {inside}, not {exact}");
+        // The vertical component squared tells a uniform spread over the solid angle from any other.
+        let by_direction = mean(&|s| s.solid_angle * (s.point.x / s.point.length()).powi(2));
+        let by_area = area_moment(&patch, n);
+        assert!((by_direction / by_area - 1.0).abs() < 1e-2, "moment {by_direction}, not {by_area}");
+    }
+
+    fn area_moment(patch: &Patch, n: u32) -> f64 {
+        let sequence = Sequence::new(9, 9, 9);
+        let one = |corners: &[DVec3; 3]| {
+            let (e, f) = (corners[1] - corners[0], corners[2] - corners[0]);
+            let term = |i| {
+                let b = uniform_triangle(sequence.point(i)).as_dvec2();
+                let p = corners[0] + e * b.x + f * b.y;
+                0.5 * e.cross(f).dot(p).abs() / p.length().powi(5) * p.x * p.x
+            };
+            (0..n).map(term).sum::<f64>() / f64::from(n)
+        };
+        (0..patch.triangles()).map(|i| one(&triangle(patch.polygon.corners(), i))).sum()
+    }
+
+    #[test]
+    fn samples_follow_the_solid_angle() {
+        let square = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
+        check(square.map(|(x, y)| DVec3::new(x, y, 1.0)));
+        check(square.map(|(x, y)| DVec3::new(x + 0.3, 1.0, y)));
+        check(square.map(|(x, y)| DVec3::new(x + 0.3, 0.7 + 0.3 * y, y)));
+        check(square.map(|(x, y)| DVec3::new(x, y, 100.0)));
+    }
+}

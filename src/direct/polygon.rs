@@ -1,0 +1,179 @@
+//! Irradiance from a convex polygon of uniform radiance: Lambert's formula with exact horizon clipping.
+
+use super::local::Local;
+use super::patch::Patch;
+use super::view::{LightSample, View};
+use crate::scene::Material;
+use glam::{DVec3, Vec2, Vec3};
+
+/// Corners that a convex polygon may have, the one that clipping adds included.
+pub(super) const CAPACITY: usize = 33;
+
+/// Distance from an emitter's plane below which a receiver lies in that plane, scene units. It exceeds the rounding
+/// of scene coordinates, so that no receiver is lit by the emitter that it lies on.
+const IN_PLANE: f64 = 2e-7;
+
+/// A convex polygon in a receiver's coordinates.
+#[derive(Debug, Clone)]
+pub(super) struct LocalPolygon {
+    corners: [DVec3; CAPACITY],
+    len: usize,
+}
+
+impl LocalPolygon {
+    /// The part above the horizon of the polygon with these corners (Sutherland and Hodgman 1974); at most
+    /// `CAPACITY - 1` of them.
+    pub(super) fn above_horizon(corners: impl Iterator<Item = DVec3> + Clone) -> Self {
+        let mut clipped = Self { corners: [DVec3::ZERO; CAPACITY], len: 0 };
+        let next = corners.clone().cycle().skip(1);
+        for (a, b) in corners.zip(next) {
+            if a.z > 0.0 {
+                clipped.push(a);
+            }
+            if (a.z > 0.0) != (b.z > 0.0) {
+                let crossing = a + (b - a) * (a.z / (a.z - b.z));
+                clipped.push(crossing.with_z(0.0));
+            }
+        }
+        clipped
+    }
+
+    fn push(&mut self, corner: DVec3) {
+        // A convex outline crosses the horizon twice at most; rounding in a nearly flat one may feign more.
+        if self.len < CAPACITY {
+            self.corners[self.len] = corner;
+            self.len += 1;
+        }
+    }
+
+    pub(super) fn corners(&self) -> &[DVec3] {
+        &self.corners[..self.len]
+    }
+}
+
+/// Irradiance, W m-2, at the origin with normal +z from the polygon with unit radiance (Lambert 1760; Arvo 1995, eq. 2.6):
+/// half the sum over the edges of the angle that an edge subtends times the z of the unit normal of its plane. The
+/// polygon must lie above the horizon.
+pub(super) fn lambert(corners: &[DVec3]) -> f64 {
+    let next = corners.iter().cycle().skip(1);
+    let sum: f64 = corners.iter().zip(next).map(|(a, b)| edge(*a, *b)).sum();
+    0.5 * sum.abs()
+}
+
+fn edge(a: DVec3, b: DVec3) -> f64 {
+    let cross = a.cross(b);
+    let length = cross.length();
+    if length > 0.0 { length.atan2(a.dot(b)) * cross.z / length } else { 0.0 }
+}
+
+/// A convex polygon that emits.
+#[derive(Debug, Clone)]
+pub(super) struct PolygonLight {
+    corners: Vec<DVec3>,
+    /// Unit normal of the front.
+    normal: DVec3,
+    radiance: Vec3,
+    two_sided: bool,
+}
+
+impl PolygonLight {
+    /// The light with these corners, counter-clockwise seen from `normal`; fewer than [`CAPACITY`].
+    pub(super) fn new(corners: &[Vec3], normal: DVec3, material: &Material) -> Self {
+        Self {
+            corners: corners.iter().map(|c| c.as_dvec3()).collect(),
+            normal,
+            radiance: material.emission,
+            two_sided: material.two_sided,
+        }
+    }
+
+    /// What a receiver sees of it.
+    pub(super) fn view(&self, local: &Local) -> Option<View<'_>> {
+        let height = self.normal.dot(local.origin() - self.corners[0]);
+        let lit = height > IN_PLANE || (self.two_sided && height < -IN_PLANE);
+        if !lit {
+            return None;
+        }
+        let clipped = LocalPolygon::above_horizon(self.corners.iter().map(|c| local.point(*c)));
+        let patch = Patch::new(clipped)?;
+        let unshadowed = self.radiance * patch.irradiance() as f32;
+        let normal = (self.normal * height.signum()).as_vec3();
+        let shape = PolygonView { patch, local: *local, normal, radiance: self.radiance };
+        Some(View::polygon(unshadowed, shape))
+    }
+}
+
+/// The part of a [`PolygonLight`] above a receiver's horizon.
+#[derive(Debug)]
+pub(super) struct PolygonView {
+    patch: Patch,
+    local: Local,
+    normal: Vec3,
+    radiance: Vec3,
+}
+
+impl PolygonView {
+    pub(super) fn sample(&self, u: Vec2) -> LightSample {
+        let sample = self.patch.sample(u);
+        LightSample {
+            point: self.local.scene_point(sample.point),
+            normal: self.normal,
+            direction: self.local.scene_vector(sample.point.normalize()).as_vec3(),
+            weight: sample.weight as f32,
+            perpendicular: self.radiance * sample.solid_angle as f32,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const QUAD: [DVec3; 4] = [
+        DVec3::new(-1.0, -0.5, -0.4),
+        DVec3::new(1.2, -0.5, -0.4),
+        DVec3::new(1.2, 0.7, 0.9),
+        DVec3::new(-1.0, 0.7, 0.9),
+    ];
+
+    /// Midpoint rule over the surface: the integral of cos cos / d^2.
+    fn integrate(quad: &[DVec3; 4], n: u32) -> f64 {
+        let (e, f) = (quad[1] - quad[0], quad[3] - quad[0]);
+        let cell = e.cross(f) / f64::from(n * n);
+        let at = |i: u32| (f64::from(i) + 0.5) / f64::from(n);
+        let mut sum = 0.0;
+        for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+            let p = quad[0] + e * at(i) + f * at(j);
+            sum += p.z.max(0.0) * cell.dot(p).abs() / p.length_squared().powi(2);
+        }
+        sum
+    }
+
+    #[test]
+    fn clipped_polygon_agrees_with_numerical_integration() {
+        let lifted = QUAD.map(|c| c + DVec3::new(0.0, 0.0, 0.6));
+        for quad in [QUAD, lifted] {
+            let exact = lambert(LocalPolygon::above_horizon(quad.into_iter()).corners());
+            let sum = integrate(&quad, 1000);
+            assert!((exact / sum - 1.0).abs() < 1e-4, "{exact} against {sum}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_left_below_the_horizon() {
+        let below = QUAD.map(|c| c - DVec3::new(0.0, 0.0, 1.0));
+        assert!(LocalPolygon::above_horizon(below.into_iter()).corners().is_empty());
+    }
+
+    #[test]
+    fn a_plane_close_above_fills_the_hemisphere_and_a_far_one_falls_off_with_the_square() {
+        let square = |size: f64, z: f64| {
+            [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+                .map(|(x, y)| DVec3::new(x * size, y * size, z))
+        };
+        let near = lambert(&square(1.0, 1e-9));
+        assert!((near - std::f64::consts::PI).abs() < 1e-8, "{near}");
+        let far = lambert(&square(1.0, 1e6));
+        assert!((far * 1e12 / 4.0 - 1.0).abs() < 1e-8, "{far}");
+    }
+}

@@ -1,0 +1,77 @@
+//! Scrambled low-discrepancy points: the first two dimensions of Sobol's sequence, shuffled and Owen-scrambled by hashing
+//! (Burley, "Practical Hash-based Owen Scrambling", JCGT 2020). Every prefix of a power of four points is stratified.
+
+use crate::math::{hash32, unit_float};
+use glam::Vec2;
+
+/// One randomisation of the sequence.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sequence {
+    seed: u32,
+}
+
+impl Sequence {
+    /// The randomisation that belongs to a seed, a stream (usually a shading point) and a purpose (usually a light).
+    pub(crate) fn new(seed: u32, stream: u64, purpose: u32) -> Self {
+        let low = hash32(seed ^ hash32(stream as u32));
+        let high = hash32(low ^ (stream >> 32) as u32);
+        Self { seed: hash32(high.wrapping_add(purpose.wrapping_mul(0x9e37_79b9))) }
+    }
+
+    /// Point `index`, in the unit square.
+    pub(crate) fn point(&self, index: u32) -> Vec2 {
+        let index = owen_scramble(index, self.seed);
+        let x = owen_scramble(index.reverse_bits(), hash32(self.seed ^ 1));
+        let y = owen_scramble(sobol_second(index), hash32(self.seed ^ 2));
+        Vec2::new(unit_float(x), unit_float(y))
+    }
+
+    /// A number in [0, 1) that shifts a whole set of samples.
+    pub(crate) fn shift(&self) -> f32 {
+        unit_float(hash32(self.seed ^ 3))
+    }
+}
+
+/// Sobol's second dimension; its first is the bit reversal.
+fn sobol_second(mut index: u32) -> u32 {
+    let mut direction = 1u32 << 31;
+    let mut x = 0;
+    while index != 0 {
+        if index & 1 != 0 {
+            x ^= direction;
+        }
+        index >>= 1;
+        direction ^= direction >> 1;
+    }
+    x
+}
+
+/// Flips every bit depending on the bits above it: the hash of Laine and Karras works from the lowest bit up.
+fn owen_scramble(x: u32, seed: u32) -> u32 {
+    let mut x = x.reverse_bits().wrapping_add(seed);
+    for factor in [0x6c50_b47c, 0xb82f_1e52, 0xc7af_e638, 0x8d22_f6e6u32] {
+        x ^= x.wrapping_mul(factor);
+    }
+    x.reverse_bits()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sixteen_points_fill_all_elementary_intervals() {
+        for stream in 0..20 {
+            let sequence = Sequence::new(5, stream, 1);
+            let points: Vec<Vec2> = (0..16).map(|i| sequence.point(i)).collect();
+            for (columns, rows) in [(16, 1), (4, 4), (1, 16), (8, 2), (2, 8)] {
+                let mut seen = [false; 16];
+                for p in &points {
+                    let cell = (p.x * columns as f32) as usize * rows + (p.y * rows as f32) as usize;
+                    assert!(!seen[cell], "two points in one cell of {columns} x {rows}");
+                    seen[cell] = true;
+                }
+            }
+        }
+    }
+}

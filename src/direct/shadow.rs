@@ -1,0 +1,82 @@
+//! Shadows by the ratio estimator: the exact unshadowed light times a visibility that is averaged with the integrand as its
+//! weight (Heitz, Hill and McGuire, "Combining Analytic Direct Illumination and Stochastic Shadows", I3D 2018). Where all
+//! samples are lit or all are hidden, there is no noise.
+
+use super::sequence::Sequence;
+use super::view::View;
+use super::{DirectLight, Gloss, LitPoint};
+use crate::accel::Accel;
+use glam::{Vec2, Vec3};
+
+/// What is asked: the light at a point among surfaces.
+#[derive(Clone, Copy)]
+pub(super) struct Query<'a> {
+    pub(super) accel: &'a Accel,
+    pub(super) point: &'a LitPoint,
+    pub(super) gloss: Option<Gloss>,
+}
+
+impl Query<'_> {
+    /// [`Gloss::lobe`] for light from a direction; zero without a lobe.
+    pub(super) fn lobe(&self, to_light: Vec3) -> f32 {
+        self.gloss.map_or(0.0, |gloss| gloss.lobe(self.point.normal, to_light))
+    }
+}
+
+/// Sums over shadow rays.
+#[derive(Debug, Default)]
+pub(super) struct Tally {
+    /// Irradiance that the samples stand for.
+    all: Vec3,
+    /// The part of it that arrives.
+    arrived: Vec3,
+    specular: Vec3,
+    rays: u32,
+    lit_rays: u32,
+}
+
+impl Tally {
+    /// Follows one shadow ray towards a light that was chosen with a probability.
+    pub(super) fn trace(&mut self, query: &Query, view: &View, probability: f32, u: Vec2) {
+        let sample = view.sample(u);
+        let share = view.unshadowed * (sample.weight / probability);
+        self.rays += 1;
+        self.all += share;
+        let lit = sample.weight > 0.0
+            && query.point.sees(query.accel, sample.point, sample.normal, sample.direction);
+        if lit {
+            self.lit_rays += 1;
+            self.arrived += share;
+            self.specular += sample.perpendicular * (query.lobe(sample.direction) / probability);
+        }
+    }
+
+    /// Mean of what arrived: an unbiased estimate of the irradiance, W m-2.
+    pub(super) fn mean(&self) -> Vec3 {
+        self.arrived / self.rays.max(1) as f32
+    }
+
+    /// Visibility, channel by channel, 0..=1. Where no sample stands for any of a channel: the share of lit rays.
+    fn visibility(&self) -> Vec3 {
+        let fallback = self.lit_rays as f32 / self.rays.max(1) as f32;
+        let channel = |i: usize| if self.all[i] > 0.0 { self.arrived[i] / self.all[i] } else { fallback };
+        Vec3::new(channel(0), channel(1), channel(2))
+    }
+
+    /// The light with its shadows.
+    pub(super) fn shadowed(&self, unshadowed: Vec3) -> DirectLight {
+        DirectLight {
+            irradiance: unshadowed * self.visibility(),
+            specular: self.specular / self.rays.max(1) as f32,
+        }
+    }
+}
+
+/// Light from one emitter, with shadow rays of its own.
+pub(super) fn from_one(query: &Query, view: &View, sequence: Sequence, samples: u32) -> DirectLight {
+    let mut tally = Tally::default();
+    for i in 0..view.samples(samples) {
+        tally.trace(query, view, 1.0, sequence.point(i));
+    }
+    tally.shadowed(view.unshadowed)
+}

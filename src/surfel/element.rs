@@ -140,6 +140,15 @@ pub fn face_axes(quadric: &Quadric, face: usize) -> [Vec3; 3] {
     if across.cross(along).dot(outwards) < 0.0 { [outwards, along, across] } else { [outwards, across, along] }
 }
 
+/// Area of a cuboid.
+pub fn cuboid_area(quadric: &Quadric) -> f64 {
+    let opposite = |face| {
+        let [_, across, along] = face_axes(quadric, face);
+        8.0 * across.as_dvec3().cross(along.as_dvec3()).length()
+    };
+    [0, 2, 4].map(opposite).iter().sum()
+}
+
 /// Area of a transformed unit sphere.
 pub fn sphere_area(quadric: &Quadric) -> f64 {
     let cofactors = cofactors(quadric);

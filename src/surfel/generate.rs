@@ -5,10 +5,11 @@
 
 use super::closed::ClosedTest;
 use super::cloud::{FLAG_CULL_BACK, FLAG_TWO_SIDED, SurfelCloud, SurfelShape};
+use super::element;
 use super::eliminate::{Surface, eliminate};
 use super::patch::{Patch, patches};
 use super::sample::samples;
-use super::share::{owners, recentre, shares};
+use super::share::{Centres, Measure, recentre};
 use crate::accel::Accel;
 use crate::error::{Error, Result};
 use crate::math::Rng;
@@ -132,7 +133,10 @@ fn pieces(scene: &Scene) -> usize {
 }
 
 fn total_area(scene: &Scene) -> f64 {
-    patches(scene, None).iter().map(|patch| patch.area).sum()
+    let triangles: f64 = scene.triangles.iter().map(element::triangle_area).sum();
+    let spheres: f64 = scene.spheres.iter().map(element::sphere_area).sum();
+    let cuboids: f64 = scene.cuboids.iter().map(element::cuboid_area).sum();
+    triangles + spheres + cuboids
 }
 
 /// A surfel before its material is looked up.
@@ -158,32 +162,30 @@ fn cover(scene: &Scene, patch: &Patch, count: usize, shape: SurfelShape, rng: &m
     chosen.iter_mut().for_each(|c| *c *= STRIDE as u32);
 
     for _ in 0..STEPS {
-        let owners = owners(&points, &select(&points, &chosen));
+        let owners = Centres::new(&select(&points, &chosen)).owners(&points);
         chosen = recentre(&points, &chosen, &owners);
     }
 
-    let sides = select(&points, &chosen);
-    let surfels: Vec<(Vec3, Vec3)> = chosen
-        .iter()
-        .map(|&c| samples[c as usize])
-        .map(|s| (s.position, elements[s.element as usize].normal_at(scene, s.position)))
-        .collect();
     // Corners matter where they can stick out between samples; a mesh finer than that has none to speak of.
     if elements.len() <= points.len() {
         points.extend(elements.iter().flat_map(|e| e.corners().map(move |corner| (corner, e.side))));
     }
-    let owners = owners(&points, &sides);
-    shares(&points, samples.len(), &owners, &surfels, patch.area, shape)
-        .into_iter()
-        .zip(surfels)
-        .zip(&chosen)
-        .filter(|((share, _), _)| share.fraction > 0.0)
-        .map(|((share, (position, normal)), &c)| Surfel {
-            position,
-            normal,
-            radius: share.radius,
-            area: (f64::from(share.fraction) * patch.area) as f32,
-            primitive: elements[samples[c as usize].element as usize].primitive,
+    let surfels = select(&points, &chosen);
+    let element = |c: u32| &elements[samples[c as usize].element as usize];
+    let normals: Vec<Vec3> =
+        chosen.iter().map(|&c| element(c).normal_at(scene, points[c as usize].0)).collect();
+    let centres = Centres::new(&surfels);
+    let owners = centres.owners(&points);
+    let measure = Measure { points: &points, counted: samples.len(), owners: &owners, area: patch.area, shape };
+    let shares = measure.shares(&surfels, &normals, &centres);
+    (0..chosen.len())
+        .filter(|&i| shares[i].fraction > 0.0)
+        .map(|i| Surfel {
+            position: surfels[i].0,
+            normal: normals[i],
+            radius: shares[i].radius,
+            area: (f64::from(shares[i].fraction) * patch.area) as f32,
+            primitive: element(chosen[i]).primitive,
         })
         .collect()
 }

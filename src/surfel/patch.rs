@@ -200,12 +200,13 @@ impl<'a> Triangles<'a> {
     /// Measures the edges at which a patch ends. Strips that turn corners have more outline than their bounding boxes tell.
     fn measure_outlines(&mut self, edges: &Edges, patches: &mut [Option<Patch>]) {
         let mut outlines = vec![0.0; patches.len()];
-        for uses in edges.iter() {
-            let roots: Vec<u32> = uses.iter().map(|edge| self.sets.find(edge.triangle).0).collect();
-            for (edge, root) in uses.iter().zip(&roots) {
-                if roots.iter().filter(|&other| other == root).count() == 1 {
-                    outlines[*root as usize] += self.length(edge);
-                }
+        for edge in edges.iter().filter(|uses| uses.len() == 1).flatten() {
+            outlines[self.sets.find(edge.triangle).0 as usize] += self.length(edge);
+        }
+        for pair in edges.iter().flat_map(|uses| uses.windows(2)) {
+            let roots = [0, 1].map(|i| self.sets.find(pair[i].triangle).0 as usize);
+            if roots[0] != roots[1] {
+                roots.iter().for_each(|&root| outlines[root] += self.length(&pair[0]));
             }
         }
         for (patch, outline) in patches.iter_mut().zip(outlines) {

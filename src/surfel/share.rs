@@ -4,13 +4,15 @@ use super::cloud::SurfelShape;
 use super::kdtree::KdTree;
 use super::patch::ALIKE;
 use crate::math::Frame;
-use glam::{DVec3, Vec3};
+use glam::{DVec3, IVec2, Vec2, Vec3};
 use rayon::prelude::*;
-use std::f32::consts::PI;
+use std::f32::consts::{PI, SQRT_2};
 
-/// By how much a surfel is larger than the furthest known sample of its cell needs: the cell's true corners lie further
-/// out than any sample.
-const OVERLAP: f32 = 1.06;
+/// How much further than its furthest sample a cell may reach, in mean distances between samples.
+const BEYOND_SAMPLES: f32 = 0.8;
+
+/// Enlargement against rounding and the bend of the surface.
+const OVERLAP: f32 = 1.005;
 
 /// Below this many samples one thread assigns them alone.
 const PARALLEL: usize = 4096;
@@ -24,17 +26,77 @@ pub struct Share {
     pub radius: f32,
 }
 
-/// For each of `points` (position and side) the index of the centre that is nearest among those whose side is alike, or
-/// else among all.
-pub fn owners(points: &[(Vec3, Vec3)], centres: &[(Vec3, Vec3)]) -> Vec<u32> {
-    let tree = KdTree::new(centres.iter().map(|c| c.0));
-    let sides: Vec<Vec3> = tree.order.iter().map(|&i| centres[i as usize].1).collect();
-    let owner = |&(position, side): &(Vec3, Vec3)| {
-        tree.nearest(position, |slot| sides[slot].dot(side) > ALIKE)
-            .or_else(|| tree.nearest(position, |_| true))
-            .map_or(0, |(slot, _)| tree.order[slot])
-    };
-    points.par_iter().with_min_len(PARALLEL).map(owner).collect()
+/// The surfels' centres on a patch.
+pub struct Centres {
+    tree: KdTree,
+    /// Normals on the patch's front, by slot of the tree.
+    sides: Vec<Vec3>,
+}
+
+impl Centres {
+    /// Prepares queries on centres (position and side).
+    pub fn new(centres: &[(Vec3, Vec3)]) -> Self {
+        let tree = KdTree::new(centres.iter().map(|c| c.0));
+        let sides = tree.order.iter().map(|&i| centres[i as usize].1).collect();
+        Self { tree, sides }
+    }
+
+    /// For each point (position and side) the centre that is nearest among those whose side is alike, or else among all.
+    pub fn owners(&self, points: &[(Vec3, Vec3)]) -> Vec<u32> {
+        let mut owners = vec![0; points.len()];
+        let parts = points.par_chunks(PARALLEL).zip(owners.par_chunks_mut(PARALLEL));
+        parts.for_each(|(points, owners)| {
+            // Samples follow each other in rows: the last one's owner is a good first guess.
+            let mut slot = 0;
+            for (&(position, side), owner) in points.iter().zip(owners) {
+                let alike = |slot: usize| self.sides[slot].dot(side) > ALIKE;
+                slot = self
+                    .tree
+                    .nearest(position, slot, alike)
+                    .or_else(|| self.tree.nearest(position, slot, |_| true))
+                    .unwrap_or(0);
+                *owner = self.tree.order[slot];
+            }
+        });
+        owners
+    }
+
+    /// Corners of the Voronoi cell of a centre in the plane of `frame`, as far as it lies within a square of half-width
+    /// `cap`. Neighbours on a curved surface count as if they had been turned into that plane.
+    fn cell(&self, centre: (Vec3, Vec3), frame: &Frame, cap: f32) -> Vec<Vec2> {
+        let mut cell = [[1, 1], [-1, 1], [-1, -1], [1, -1]].map(|s| IVec2::from(s).as_vec2() * cap).to_vec();
+        self.tree.within(centre.0, 2.0 * SQRT_2 * cap, |slot, _| {
+            if self.sides[slot].dot(centre.1) > ALIKE {
+                let towards = flatten(frame, self.tree.points[slot] - centre.0);
+                if towards != Vec2::ZERO {
+                    cell = clip(&cell, towards);
+                }
+            }
+        });
+        cell
+    }
+}
+
+/// The part of a convex polygon that is nearer to the origin than to `rival`.
+fn clip(polygon: &[Vec2], rival: Vec2) -> Vec<Vec2> {
+    let beyond = |p: Vec2| p.dot(rival) - 0.5 * rival.length_squared();
+    let mut kept = Vec::with_capacity(polygon.len() + 1);
+    for (i, &from) in polygon.iter().enumerate() {
+        let to = polygon[(i + 1) % polygon.len()];
+        let (a, b) = (beyond(from), beyond(to));
+        if a <= 0.0 {
+            kept.push(from);
+        }
+        if (a < 0.0) != (b < 0.0) && a != b {
+            kept.push(from.lerp(to, a / (a - b)));
+        }
+    }
+    kept
+}
+
+/// An offset within a surface as a vector of the same length in the plane of `frame`.
+fn flatten(frame: &Frame, offset: Vec3) -> Vec2 {
+    frame.to_local(offset).truncate().normalize_or_zero() * offset.length()
 }
 
 /// Moves each centre to the sample nearest to the centroid of its cell (a step of Lloyd's method that stays on the
@@ -57,45 +119,63 @@ pub fn recentre(points: &[(Vec3, Vec3)], centres: &[u32], owners: &[u32]) -> Vec
     best.into_iter().map(|(_, index)| index).collect()
 }
 
-/// Share of each surfel (position, normal). Of the points, the first `counted` stand for equal parts of the patch; the
-/// others are places that must be covered too. `area` is the patch's.
-pub fn shares(
-    points: &[(Vec3, Vec3)],
-    counted: usize,
-    owners: &[u32],
-    surfels: &[(Vec3, Vec3)],
-    area: f64,
-    shape: SurfelShape,
-) -> Vec<Share> {
-    let frames: Vec<Frame> = surfels.iter().map(|&(_, normal)| Frame::from_normal(normal)).collect();
-    let mut cells = vec![(0u32, 0f32); surfels.len()];
-    for (i, (&(position, _), &owner)) in points.iter().zip(owners).enumerate() {
-        let owner = owner as usize;
-        let (count, furthest) = &mut cells[owner];
-        *count += u32::from(i < counted);
-        *furthest = furthest.max(reach(shape, &frames[owner], position - surfels[owner].0));
-    }
-    let per_sample = 1.0 / counted as f64;
-    cells
-        .into_iter()
-        .map(|(count, furthest)| {
-            let fraction = f64::from(count) * per_sample;
-            let least = of_area((fraction * area) as f32, shape);
-            Share { fraction: fraction as f32, radius: (furthest * OVERLAP).max(least) }
-        })
-        .collect()
+/// Samples of a patch and what they stand for.
+pub struct Measure<'a> {
+    /// Position and side: first the samples that stand for equal parts of the patch, then places that must be covered too.
+    pub points: &'a [(Vec3, Vec3)],
+    /// How many are of the first kind.
+    pub counted: usize,
+    /// The surfel that each point belongs to.
+    pub owners: &'a [u32],
+    /// The patch's area.
+    pub area: f64,
+    /// Shape of the surfels.
+    pub shape: SurfelShape,
 }
 
-/// Size of the least surfel that covers a point at `offset` from its centre. On a curved surface the point counts as if it
-/// had been turned into the surfel's plane about the centre.
-fn reach(shape: SurfelShape, frame: &Frame, offset: Vec3) -> f32 {
+impl Measure<'_> {
+    /// Share of each surfel (position and side): large enough for its whole cell and no larger. Within the patch the cell
+    /// is known exactly; at its edges, where the plane's Voronoi cell runs on, the samples tell how far it goes.
+    pub fn shares(&self, surfels: &[(Vec3, Vec3)], normals: &[Vec3], centres: &Centres) -> Vec<Share> {
+        let frames: Vec<Frame> = normals.iter().map(|&normal| Frame::from_normal(normal)).collect();
+        let cells = self.sampled_cells(surfels, &frames);
+        let margin = BEYOND_SAMPLES * (self.area / self.counted as f64).sqrt() as f32;
+        (cells, surfels, &frames)
+            .into_par_iter()
+            .with_min_len(PARALLEL)
+            .map(|((count, furthest, widest), &surfel, frame)| {
+                let cell = centres.cell(surfel, frame, furthest + margin);
+                let cap = widest + margin * widest / furthest.max(f32::MIN_POSITIVE);
+                let needed = cell.into_iter().map(|corner| size(self.shape, corner)).fold(0.0, f32::max);
+                let fraction = count as f32 / self.counted as f32;
+                let least = of_area(fraction * self.area as f32, self.shape);
+                Share { fraction, radius: (needed.clamp(widest, cap) * OVERLAP).max(least) }
+            })
+            .collect()
+    }
+
+    /// Of each cell: samples, distance of the furthest point, size of the surfel that reaches all points.
+    fn sampled_cells(&self, surfels: &[(Vec3, Vec3)], frames: &[Frame]) -> Vec<(u32, f32, f32)> {
+        let mut cells = vec![(0, 0f32, 0f32); surfels.len()];
+        for (i, (&(position, _), &owner)) in self.points.iter().zip(self.owners).enumerate() {
+            let owner = owner as usize;
+            let (count, furthest, widest) = &mut cells[owner];
+            let offset = flatten(&frames[owner], position - surfels[owner].0);
+            *count += u32::from(i < self.counted);
+            *furthest = furthest.max(offset.length());
+            *widest = widest.max(size(self.shape, offset));
+        }
+        cells
+    }
+}
+
+/// Size of the least surfel that covers a point of its plane.
+fn size(shape: SurfelShape, at: Vec2) -> f32 {
     match shape {
-        SurfelShape::Disc => offset.length(),
+        SurfelShape::Disc => at.length(),
         SurfelShape::Triangle => {
-            let local = frame.to_local(offset).truncate();
-            let turned = local.normalize_or_zero() * offset.length();
-            let (along, across) = (0.5 * turned.x, 0.75f32.sqrt() * turned.y);
-            2.0 * (along + across).max(along - across).max(-turned.x)
+            let (along, across) = (0.5 * at.x, 0.75f32.sqrt() * at.y);
+            2.0 * (along + across).max(along - across).max(-at.x)
         }
     }
 }
@@ -117,13 +197,13 @@ fn of_area(area: f32, shape: SurfelShape) -> f32 {
 mod tests {
     use super::*;
 
+    fn line() -> Vec<(Vec3, Vec3)> {
+        (0..10).map(|i| (Vec3::X * i as f32, Vec3::Z)).collect()
+    }
+
     #[test]
     fn triangles_reach_their_corners_and_edges() {
-        let frame = Frame::from_normal(Vec3::Z);
-        let at = |degrees: f32, r: f32| {
-            let (sin, cos) = degrees.to_radians().sin_cos();
-            reach(SurfelShape::Triangle, &frame, frame.tangent * (r * cos) + frame.bitangent * (r * sin))
-        };
+        let at = |degrees: f32, r: f32| size(SurfelShape::Triangle, Vec2::from_angle(degrees.to_radians()) * r);
         for corner in [0.0, 120.0, 240.0] {
             assert!((at(corner, 1.0) - 1.0).abs() < 1e-6);
         }
@@ -134,20 +214,31 @@ mod tests {
 
     #[test]
     fn centres_move_to_the_middle_of_their_cells() {
-        let points: Vec<(Vec3, Vec3)> = (0..10).map(|i| (Vec3::X * i as f32, Vec3::Z)).collect();
-        let centres = [points[0], points[9]];
-        let owners = owners(&points, &centres);
+        let points = line();
+        let owners = Centres::new(&[points[0], points[9]]).owners(&points);
         assert_eq!(owners, [0, 0, 0, 0, 0, 1, 1, 1, 1, 1]);
         assert_eq!(recentre(&points, &[0, 9], &owners), [2, 7]);
     }
 
     #[test]
     fn shares_add_up_and_cover() {
-        let points: Vec<(Vec3, Vec3)> = (0..10).map(|i| (Vec3::X * i as f32, Vec3::Z)).collect();
+        let points = line();
         let surfels = [points[2], points[7]];
-        let owners = owners(&points, &surfels);
-        let shares = shares(&points, 10, &owners, &surfels, 1.0, SurfelShape::Disc);
+        let centres = Centres::new(&surfels);
+        let owners = centres.owners(&points);
+        let measure =
+            Measure { points: &points, counted: 10, owners: &owners, area: 1.0, shape: SurfelShape::Disc };
+        let shares = measure.shares(&surfels, &[Vec3::Z; 2], &centres);
         assert_eq!(shares.iter().map(|s| s.fraction).sum::<f32>(), 1.0);
-        assert!(shares.iter().all(|s| s.radius > 2.0 && s.radius < 2.2));
+        assert!(shares.iter().all(|s| s.radius >= 2.0 && s.radius < 2.5), "{shares:?}");
+    }
+
+    #[test]
+    fn cells_are_cut_halfway_to_their_neighbours() {
+        let grid: Vec<(Vec3, Vec3)> =
+            (0..25).map(|i| (Vec3::new((i % 5) as f32, (i / 5) as f32, 0.0), Vec3::Z)).collect();
+        let cell = Centres::new(&grid).cell(grid[12], &Frame::from_normal(Vec3::Z), 3.0);
+        let furthest = cell.iter().map(|corner| corner.length()).fold(0.0, f32::max);
+        assert!((furthest - 0.5f32.sqrt()).abs() < 1e-5, "{cell:?}");
     }
 }

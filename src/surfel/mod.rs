@@ -1,6 +1,15 @@
 //! Surfels: the directly lit surfaces as a cloud of small discs (or the thesis's triangles).
 
+pub mod closed;
 pub mod cloud;
 pub mod drawable;
+mod element;
+mod eliminate;
+pub mod generate;
+mod kdtree;
+mod patch;
+mod sample;
+mod share;
+mod topology;
 pub mod transfer;
 pub mod tree;

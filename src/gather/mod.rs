@@ -1,8 +1,12 @@
 //! Gathering irradiance: one trait, several methods.
 
-use crate::error::Result;
+pub mod cpu;
+pub mod device;
+pub mod vulkan;
+
+use crate::error::{Error, Result};
 use crate::hemicube::atlas::IdAtlas;
-use crate::hemicube::frame::Receiver;
+use crate::hemicube::frame::{MAX_RESOLUTION, MIN_RESOLUTION, Receiver};
 use glam::Vec3;
 
 /// Receivers to be gathered in one go.
@@ -52,4 +56,17 @@ pub trait Gatherer: Send {
     /// # Errors
     /// When the device fails.
     fn finish(&mut self) -> Result<Option<Gathered>>;
+}
+
+/// Refuses a face resolution that no hemicube can have.
+///
+/// # Errors
+/// [`Error::Usage`] unless `resolution` is even and within [`MIN_RESOLUTION`]..=[`MAX_RESOLUTION`].
+pub fn check_resolution(resolution: u32) -> Result<()> {
+    if resolution.is_multiple_of(2) && (MIN_RESOLUTION..=MAX_RESOLUTION).contains(&resolution) {
+        return Ok(());
+    }
+    Err(Error::Usage(format!(
+        "face resolution {resolution}: it must be even, from {MIN_RESOLUTION} to {MAX_RESOLUTION}"
+    )))
 }

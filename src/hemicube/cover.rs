@@ -176,7 +176,7 @@ impl FaceSplat {
 }
 
 /// Pixels by which a projected box is widened against rounding.
-const SLACK: f32 = 0.01;
+pub const SLACK: f32 = 0.01;
 
 /// Half the size of the axis-aligned box about a disc of unit normal `n`, per axis: r sqrt(1 - n_i^2).
 #[inline(always)]

@@ -146,6 +146,11 @@ impl Drop for Context {
     }
 }
 
+/// Whether less memory would have helped.
+pub(super) fn out_of_memory(result: vk::Result) -> bool {
+    matches!(result, vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY)
+}
+
 fn create_device(instance: &Instance, physical: vk::PhysicalDevice, family: u32) -> VkResult<ash::Device> {
     let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
     let mut multiview = vk::PhysicalDeviceMultiviewFeatures::default().multiview(true);

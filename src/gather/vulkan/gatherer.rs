@@ -1,19 +1,18 @@
 //! Batches in, ids out, several batches under way at once.
 
 use super::buffers::Buffer;
-use super::context::Context;
+use super::context::{Context, out_of_memory};
 use super::devices::DeviceInfo;
 use super::pace::Pace;
-use super::pass::Pass;
+use super::pass::{Pass, passes};
 use super::record::{Drawing, record};
-use super::settings::{BatchSize, FacesPerPass, GatherStats, VulkanSettings};
-use super::slot::{Slot, bytes_per_hemicube, largest_layout};
+use super::settings::{BatchSize, GatherStats, VulkanSettings};
+use super::slot::{Slot, slots};
 use super::validation::ValidationLog;
-use super::vertices::{HemicubeInstance, SplatBuffers, tile_parts};
+use super::vertices::{SplatBuffers, tile_parts, write_instances};
 use crate::error::{Error, Result};
 use crate::gather::{Batch, Gathered, Gatherer, Output, check_resolution};
 use crate::hemicube::atlas::{AtlasLayout, IdAtlas};
-use crate::hemicube::frame::{FACES, Receiver};
 use crate::surfel::cloud::{Splat, SurfelShape};
 use ash::prelude::VkResult;
 use ash::vk;
@@ -22,10 +21,6 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Most hemicubes of an automatic batch: larger ones are no faster.
-const MAX_AUTO_BATCH: usize = 1024;
-/// Most texels of a layer of an automatic batch: 16 million bytes of images a layer.
-const MAX_AUTO_TEXELS: usize = 1 << 21;
 /// Seconds that a submit of an automatic batch should take.
 const AUTO_SECONDS: f64 = 0.05;
 /// Seconds after which a batch of a chosen size is split: drivers give up after about two.
@@ -81,8 +76,7 @@ impl VulkanGatherer {
             .map_err(|result| context.error("building the hemicube pipeline", result))?;
         let buffers = SplatBuffers::new(&context, splats, shape)
             .map_err(|result| context.error("copying the surfels", result))?;
-        let wanted = wanted_batch(&context, &settings, parts.len());
-        let (slots, largest) = slots(&context, &passes, &settings, wanted, parts.len())
+        let (slots, largest) = slots(&context, &passes, &settings, parts.len())
             .map_err(|result| context.error("taking memory for hemicubes", result))?;
         let target = match settings.batch {
             BatchSize::Auto => AUTO_SECONDS,
@@ -278,71 +272,6 @@ impl Drop for VulkanGatherer {
         // nothing.
         let _ = unsafe { self.context.device.device_wait_idle() };
     }
-}
-
-fn out_of_memory(result: vk::Result) -> bool {
-    matches!(result, vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY)
-}
-
-fn passes(context: &Arc<Context>, shape: SurfelShape, settings: &VulkanSettings) -> VkResult<Vec<Pass>> {
-    let pass = |faces| Pass::new(context, shape, settings.resolution, faces);
-    match settings.faces {
-        FacesPerPass::All => Ok(vec![pass(0..FACES)?]),
-        FacesPerPass::One => (0..FACES).map(|face| pass(face..face + 1)).collect(),
-    }
-}
-
-/// Hemicubes a slot: as many as wanted, within the memory budget.
-fn wanted_batch(context: &Context, settings: &VulkanSettings, parts: usize) -> usize {
-    let tile = (settings.resolution as usize).pow(2);
-    let wanted = match settings.batch {
-        BatchSize::Auto => (MAX_AUTO_TEXELS / tile).min(MAX_AUTO_BATCH),
-        BatchSize::Fixed(n) => n,
-    };
-    let budget = settings.memory_budget.unwrap_or(context.memory_bytes / 4);
-    let each = bytes_per_hemicube(settings.resolution, parts) * settings.frames_in_flight.max(1) as u64;
-    wanted.min((budget / each) as usize).max(1)
-}
-
-/// All slots, with half the batch again and again while the device's memory does not hold them.
-fn slots(
-    context: &Arc<Context>,
-    passes: &[Pass],
-    settings: &VulkanSettings,
-    wanted: usize,
-    parts: usize,
-) -> VkResult<(Vec<Slot>, AtlasLayout)> {
-    let mut hemicubes = wanted;
-    loop {
-        let layout = largest_layout(context, settings.resolution, hemicubes);
-        let slot = |_| Slot::new(context, passes, layout, parts);
-        match (0..settings.frames_in_flight.max(1)).map(slot).collect::<VkResult<_>>() {
-            Ok(slots) => return Ok((slots, layout)),
-            Err(result) if out_of_memory(result) && hemicubes > 1 => hemicubes /= 2,
-            Err(result) => return Err(result),
-        }
-    }
-}
-
-/// Fills an instance buffer; returns the number of instances.
-fn write_instances(
-    buffer: &mut Buffer,
-    receivers: &[Receiver],
-    layout: AtlasLayout,
-    parts: &[[u32; 4]],
-) -> u32 {
-    let size = size_of::<HemicubeInstance>();
-    let count = receivers.len() * parts.len();
-    let instances = bytemuck::cast_slice_mut(&mut buffer.bytes_mut()[..count * size]);
-    for (i, (receiver, instances)) in
-        receivers.iter().zip(instances.chunks_exact_mut(parts.len())).enumerate()
-    {
-        let (frame, origin) = (receiver.frame(), layout.origin(0, i));
-        for (instance, &part) in instances.iter_mut().zip(parts) {
-            *instance = HemicubeInstance::new(receiver, &frame, origin, part);
-        }
-    }
-    count as u32
 }
 
 /// Copies the ids of a submit to their rows in the whole batch's atlas; returns the number of bytes.

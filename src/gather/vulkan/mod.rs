@@ -24,6 +24,8 @@ mod devices;
 mod gatherer;
 mod images;
 mod instance;
+#[cfg(test)]
+mod interface_tests;
 mod owned;
 mod pace;
 mod pass;

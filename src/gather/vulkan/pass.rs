@@ -2,9 +2,10 @@
 
 use super::context::Context;
 use super::owned::Owned;
+use super::settings::{FacesPerPass, VulkanSettings};
 use super::vertices;
 use crate::hemicube::cover::{DEPTH_SCALE, EDGE_COS, EDGE_SIN, PLANE_EPSILON, SLACK};
-use crate::hemicube::frame::RECEIVER_INSIDE;
+use crate::hemicube::frame::{FACES, RECEIVER_INSIDE};
 use crate::surfel::cloud::{FLAG_CULL_BACK, SurfelShape};
 use ash::prelude::VkResult;
 use ash::vk;
@@ -26,7 +27,7 @@ macro_rules! spirv {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 pub(super) struct Viewport {
-    /// Clip space units a pixel, times 2 from pixels: clip = pixel * this - 1.
+    /// Clip space coordinate = pixel coordinate * this - 1.
     pub pixel_to_clip: [f32; 2],
     /// A pixel outside the scissor, inside the viewport.
     pub hidden: [f32; 2],
@@ -46,7 +47,7 @@ pub(super) struct Pass {
 
 impl Pass {
     /// Builds the pass.
-    pub fn new(
+    fn new(
         context: &Arc<Context>,
         shape: SurfelShape,
         resolution: u32,
@@ -59,6 +60,19 @@ impl Pass {
     }
 }
 
+/// The passes that together draw a hemicube.
+pub(super) fn passes(
+    context: &Arc<Context>,
+    shape: SurfelShape,
+    settings: &VulkanSettings,
+) -> VkResult<Vec<Pass>> {
+    let pass = |faces| Pass::new(context, shape, settings.resolution, faces);
+    match settings.faces {
+        FacesPerPass::All => Ok(vec![pass(0..FACES)?]),
+        FacesPerPass::One => (0..FACES).map(|face| pass(face..face + 1)).collect(),
+    }
+}
+
 /// SPIR-V of a shape's vertex and fragment shaders.
 pub(super) fn shaders(shape: SurfelShape) -> [&'static [u8]; 2] {
     match shape {
@@ -67,8 +81,11 @@ pub(super) fn shaders(shape: SurfelShape) -> [&'static [u8]; 2] {
     }
 }
 
+/// Number of specialisation constants.
+pub(super) const CONSTANTS: usize = 9;
+
 /// Specialisation constants of both shaders, in the order of their ids in `shaders/cover.glsl`.
-fn constants(resolution: u32) -> [u32; 9] {
+fn constants(resolution: u32) -> [u32; CONSTANTS] {
     let inverse = 1.0 / resolution as f32;
     [
         resolution,
@@ -176,10 +193,8 @@ fn pipeline(
     let vertex = shader_module(context, "splat.vert", vertex)?;
     let fragment = shader_module(context, "splat.frag", fragment)?;
     let constants = constants(resolution);
-    let entries: [vk::SpecializationMapEntry; 9] = std::array::from_fn(|i| vk::SpecializationMapEntry {
-        constant_id: i as u32,
-        offset: 4 * i as u32,
-        size: 4,
+    let entries: [vk::SpecializationMapEntry; CONSTANTS] = std::array::from_fn(|i| {
+        vk::SpecializationMapEntry { constant_id: i as u32, offset: 4 * i as u32, size: 4 }
     });
     let specialization =
         vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(&constants));

@@ -1,10 +1,11 @@
 //! What one frame in flight owns, and how many hemicubes it holds.
 
 use super::buffers::{Buffer, command_buffer};
-use super::context::Context;
+use super::context::{Context, out_of_memory};
 use super::images::{Image, ImageDesc};
 use super::owned::Owned;
 use super::pass::{DEPTH_FORMAT, ID_FORMAT, Pass};
+use super::settings::{BatchSize, VulkanSettings};
 use super::vertices::HemicubeInstance;
 use crate::hemicube::atlas::AtlasLayout;
 use crate::hemicube::frame::FACES;
@@ -16,8 +17,12 @@ use std::sync::Arc;
 /// Rows of pixels below the scissor in which points that cover nothing are placed.
 pub(super) const HIDDEN_ROWS: u32 = 4;
 
+/// Most hemicubes of an automatic batch: larger ones are no faster.
+const MAX_AUTO_BATCH: usize = 1024;
+/// Most texels of a layer of an automatic batch: 16 million bytes of images a layer.
+const MAX_AUTO_TEXELS: usize = 1 << 21;
 /// The largest atlas that a slot can hold.
-pub(super) fn largest_layout(context: &Context, resolution: u32, hemicubes: usize) -> AtlasLayout {
+fn largest_layout(context: &Context, resolution: u32, hemicubes: usize) -> AtlasLayout {
     let l = &context.limits;
     let side = l.max_image_dimension2_d.min(u32::from(u16::MAX));
     let width = side.min(l.max_framebuffer_width).min(l.max_viewport_dimensions[0]);
@@ -29,10 +34,41 @@ pub(super) fn largest_layout(context: &Context, resolution: u32, hemicubes: usiz
 }
 
 /// Bytes that one hemicube takes in a slot.
-pub(super) fn bytes_per_hemicube(resolution: u32, parts: usize) -> u64 {
+fn bytes_per_hemicube(resolution: u32, parts: usize) -> u64 {
     let texels = u64::from(resolution).pow(2);
     let (images, readback) = (2 * 4 * FACES as u64 * texels, 3 * 4 * texels);
     images + readback + (parts * size_of::<HemicubeInstance>()) as u64
+}
+
+/// Hemicubes a slot: as many as wanted, within the memory budget.
+fn wanted_batch(context: &Context, settings: &VulkanSettings, parts: usize) -> usize {
+    let tile = (settings.resolution as usize).pow(2);
+    let wanted = match settings.batch {
+        BatchSize::Auto => (MAX_AUTO_TEXELS / tile).min(MAX_AUTO_BATCH),
+        BatchSize::Fixed(n) => n,
+    };
+    let budget = settings.memory_budget.unwrap_or(context.memory_bytes / 4);
+    let each = bytes_per_hemicube(settings.resolution, parts) * settings.frames_in_flight.max(1) as u64;
+    wanted.min((budget / each) as usize).max(1)
+}
+
+/// All slots, with half the batch again and again while the device's memory does not hold them.
+pub(super) fn slots(
+    context: &Arc<Context>,
+    passes: &[Pass],
+    settings: &VulkanSettings,
+    parts: usize,
+) -> VkResult<(Vec<Slot>, AtlasLayout)> {
+    let mut hemicubes = wanted_batch(context, settings, parts);
+    loop {
+        let layout = largest_layout(context, settings.resolution, hemicubes);
+        let slot = |_| Slot::new(context, passes, layout, parts);
+        match (0..settings.frames_in_flight.max(1)).map(slot).collect::<VkResult<_>>() {
+            Ok(slots) => return Ok((slots, layout)),
+            Err(result) if out_of_memory(result) && hemicubes > 1 => hemicubes /= 2,
+            Err(result) => return Err(result),
+        }
+    }
 }
 
 /// Images, buffers and commands of one frame in flight.

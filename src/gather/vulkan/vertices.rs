@@ -3,6 +3,7 @@
 
 use super::buffers::{Buffer, upload};
 use super::context::Context;
+use crate::hemicube::atlas::AtlasLayout;
 use crate::hemicube::frame::Receiver;
 use crate::math::Frame;
 use crate::surfel::cloud::{Splat, SurfelShape};
@@ -44,7 +45,7 @@ pub(super) struct HemicubeInstance {
 
 impl HemicubeInstance {
     /// A receiver's hemicube at a place in the atlas.
-    pub fn new(receiver: &Receiver, frame: &Frame, origin: (u32, u32), part: [u32; 4]) -> Self {
+    fn new(receiver: &Receiver, frame: &Frame, origin: (u32, u32), part: [u32; 4]) -> Self {
         Self {
             position: receiver.position.to_array(),
             flags: receiver.flags,
@@ -64,6 +65,27 @@ pub(super) fn tile_parts(resolution: u32, largest_point: u32) -> Vec<[u32; 4]> {
     let span = |i: u32| (i * size, ((i + 1) * size).min(resolution));
     let cells = (0..count).flat_map(|y| (0..count).map(move |x| (span(x), span(y))));
     cells.map(|((x0, x1), (y0, y1))| [x0, y0, x1, y1]).collect()
+}
+
+/// Fills an instance buffer; returns the number of instances.
+pub(super) fn write_instances(
+    buffer: &mut Buffer,
+    receivers: &[Receiver],
+    layout: AtlasLayout,
+    parts: &[[u32; 4]],
+) -> u32 {
+    let size = size_of::<HemicubeInstance>();
+    let count = receivers.len() * parts.len();
+    let instances = bytemuck::cast_slice_mut(&mut buffer.bytes_mut()[..count * size]);
+    for (i, (receiver, instances)) in
+        receivers.iter().zip(instances.chunks_exact_mut(parts.len())).enumerate()
+    {
+        let (frame, origin) = (receiver.frame(), layout.origin(0, i));
+        for (instance, &part) in instances.iter_mut().zip(parts) {
+            *instance = HemicubeInstance::new(receiver, &frame, origin, part);
+        }
+    }
+    count as u32
 }
 
 /// The surfels in the device's memory.

@@ -5,9 +5,11 @@ use crate::error::Result;
 use crate::hemicube::atlas::{AtlasLayout, IdAtlas};
 use crate::hemicube::frame::{FACES, Receiver, rows};
 use crate::hemicube::raster::{Raster, SplatLanes};
-use crate::surfel::drawable::Drawables;
+use crate::surfel::cloud::{Splat, SurfelShape};
+use crate::surfel::drawable::in_plane_axes;
 use rayon::prelude::*;
 use std::collections::VecDeque;
+use std::sync::OnceLock;
 
 /// Settings of a [`CpuGatherer`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,24 +22,33 @@ pub struct CpuSettings {
     pub frames_in_flight: usize,
 }
 
+impl Default for CpuSettings {
+    fn default() -> Self {
+        Self { resolution: 8, batch: 256, frames_in_flight: 1 }
+    }
+}
+
 /// Draws hemicubes on all threads of the current rayon pool. A batch is drawn while it is submitted.
-pub struct CpuGatherer<'a> {
+pub struct CpuGatherer {
     settings: CpuSettings,
-    drawables: &'a Drawables,
-    /// All drawables that are surfels, for receivers without a cut.
-    everything: SplatLanes,
+    splats: Vec<Splat>,
+    /// In-plane axes; empty for discs.
+    axes: Vec<[[f32; 3]; 2]>,
+    shape: SurfelShape,
+    /// All splats, for receivers without a cut; made when the first such batch comes.
+    everything: OnceLock<SplatLanes>,
     finished: VecDeque<Gathered>,
 }
 
-impl<'a> CpuGatherer<'a> {
-    /// A gatherer over drawables, the first `surfels` of which a receiver without a cut sees.
+impl CpuGatherer {
+    /// A gatherer over splats of one shape.
     ///
     /// # Errors
     /// When the resolution is out of range.
-    pub fn new(drawables: &'a Drawables, surfels: usize, settings: CpuSettings) -> Result<Self> {
+    pub fn new(splats: Vec<Splat>, shape: SurfelShape, settings: CpuSettings) -> Result<Self> {
         check_resolution(settings.resolution)?;
-        let everything = SplatLanes::new(&drawables.splats[..surfels], &drawables.axes, drawables.shape);
-        Ok(Self { settings, drawables, everything, finished: VecDeque::new() })
+        let axes = in_plane_axes(&splats, shape);
+        Ok(Self { settings, splats, axes, shape, everything: OnceLock::new(), finished: VecDeque::new() })
     }
 
     /// Draws a batch's tiles one below the other.
@@ -58,7 +69,7 @@ impl<'a> CpuGatherer<'a> {
             tiles.push(std::array::from_fn(|face| layers[face].next().unwrap_or_default()));
         }
         let jobs = self.jobs(batch, &mut tiles);
-        let new_scratch = || (Raster::new(n), SplatLanes::new(&[], &[], self.drawables.shape));
+        let new_scratch = || (Raster::new(n), SplatLanes::new(&[], &[], self.shape));
         jobs.into_par_iter()
             .for_each_init(new_scratch, |(raster, lanes), job| self.draw_group(raster, lanes, job));
         atlas
@@ -84,9 +95,9 @@ impl<'a> CpuGatherer<'a> {
 
     fn draw_group(&self, raster: &mut Raster, lanes: &mut SplatLanes, job: Job) {
         let splats = match job.cut {
-            None => &self.everything,
+            None => self.everything.get_or_init(|| SplatLanes::new(&self.splats, &self.axes, self.shape)),
             Some(cut) => {
-                lanes.fill(&self.drawables.splats, &self.drawables.axes, cut.iter().copied());
+                lanes.fill(&self.splats, &self.axes, cut.iter().copied());
                 lanes
             }
         };
@@ -110,7 +121,7 @@ struct Job<'b> {
     tiles: &'b mut [[&'b mut [u32]; FACES]],
 }
 
-impl Gatherer for CpuGatherer<'_> {
+impl Gatherer for CpuGatherer {
     fn batch_size(&self) -> usize {
         self.settings.batch.max(1)
     }

@@ -1,8 +1,11 @@
 //! Gathering irradiance: one trait, several methods.
 
 pub mod cpu;
+pub mod create;
+pub mod device;
 pub mod order;
 pub mod stage;
+pub mod vulkan;
 
 use crate::error::{Error, Result};
 use crate::hemicube::atlas::IdAtlas;

@@ -10,8 +10,6 @@ use glam::Vec3;
 pub struct Drawables {
     /// Geometry.
     pub splats: Vec<Splat>,
-    /// In-plane axes of the triangle shape (the first points to a vertex); empty for discs.
-    pub axes: Vec<[[f32; 3]; 2]>,
     /// Shape of every drawable.
     pub shape: SurfelShape,
     /// Radiance of the front, W sr-1 m-2.
@@ -26,12 +24,8 @@ impl Drawables {
     /// The drawables of a shaded cloud.
     pub fn new(cloud: &SurfelCloud, tree: Option<&SurfelTree>) -> Self {
         let splats = tree.map_or_else(|| cloud.splats(), |tree| tree.splats.clone());
-        let axes = match cloud.shape {
-            SurfelShape::Disc => Vec::new(),
-            SurfelShape::Triangle => splats.iter().map(in_plane_axes).collect(),
-        };
         let closed = cloud.flags.iter().all(|f| f & FLAG_CULL_BACK != 0);
-        let mut drawables = Self { splats, axes, shape: cloud.shape, closed, ..Self::default() };
+        let mut drawables = Self { splats, shape: cloud.shape, closed, ..Self::default() };
         drawables.relight(cloud, tree);
         drawables
     }
@@ -81,8 +75,14 @@ impl Drawables {
     }
 }
 
-/// In-plane axes of a triangle splat: Duff's basis of its normal.
-pub fn in_plane_axes(splat: &Splat) -> [[f32; 3]; 2] {
-    let frame = Frame::from_normal(Vec3::from(splat.normal));
-    [frame.tangent.to_array(), frame.bitangent.to_array()]
+/// In-plane axes of triangles, the first of which points to a vertex: Duff's basis of the normal. None for discs.
+pub fn in_plane_axes(splats: &[Splat], shape: SurfelShape) -> Vec<[[f32; 3]; 2]> {
+    if shape == SurfelShape::Disc {
+        return Vec::new();
+    }
+    let axes = |splat: &Splat| {
+        let frame = Frame::from_normal(Vec3::from(splat.normal));
+        [frame.tangent.to_array(), frame.bitangent.to_array()]
+    };
+    splats.iter().map(axes).collect()
 }

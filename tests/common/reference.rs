@@ -3,11 +3,12 @@
 use glam::Vec3;
 use surflux::hemicube::cover::{FaceSplat, Projected, disc_half_extent, rotate};
 use surflux::hemicube::frame::{FACES, RECEIVER_INSIDE, Receiver, pixel_direction, rows, to_face};
-use surflux::surfel::drawable::Drawables;
+use surflux::surfel::drawable::{Drawables, in_plane_axes};
 
 /// Ids (drawable + 1, or 0) of all pixels, face after face, row after row.
 pub fn hemicube(drawables: &Drawables, list: &[u32], receiver: &Receiver, resolution: u32) -> Vec<u32> {
     let frame = receiver.frame();
+    let all_axes = in_plane_axes(&drawables.splats, drawables.shape);
     let inside = receiver.flags & RECEIVER_INSIDE != 0;
     let inv = 1.0 / resolution as f32;
     let mut ids = Vec::new();
@@ -31,7 +32,7 @@ pub fn hemicube(drawables: &Drawables, list: &[u32], receiver: &Receiver, resolu
             ) else {
                 continue;
             };
-            let axes = drawables.axes.get(d as usize).map_or([Vec3::ZERO; 2], |axes| axes.map(Vec3::from));
+            let axes = all_axes.get(d as usize).map_or([Vec3::ZERO; 2], |axes| axes.map(Vec3::from));
             let splat = FaceSplat::new(face, &p, axes.map(|a| rotate(&frame, a)));
             let half = to_face(face, disc_half_extent(p.normal, p.radius)).abs();
             let Some(b) = splat.pixel_box(half, face == 0, resolution) else { continue };

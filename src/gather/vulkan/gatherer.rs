@@ -1,0 +1,291 @@
+//! Batches in, ids out, several batches under way at once.
+
+use super::buffers::Buffer;
+use super::context::{Context, out_of_memory};
+use super::devices::DeviceInfo;
+use super::pace::Pace;
+use super::pass::{Pass, passes};
+use super::record::{Drawing, record};
+use super::settings::{BatchSize, GatherStats, VulkanSettings};
+use super::slot::{Slot, slots};
+use super::validation::ValidationLog;
+use super::vertices::{SplatBuffers, tile_parts, write_instances};
+use crate::error::{Error, Result};
+use crate::gather::{Batch, Gathered, Gatherer, Output, check_resolution};
+use crate::hemicube::atlas::{AtlasLayout, IdAtlas};
+use crate::surfel::cloud::{Splat, SurfelShape};
+use ash::prelude::VkResult;
+use ash::vk;
+use std::collections::VecDeque;
+use std::ops::Range;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Seconds that a submit of an automatic batch should take.
+const AUTO_SECONDS: f64 = 0.05;
+/// Seconds after which a batch of a chosen size is split: drivers give up after about two.
+const FIXED_SECONDS: f64 = 0.5;
+
+/// Draws hemicubes with Vulkan.
+pub struct VulkanGatherer {
+    settings: VulkanSettings,
+    pace: Pace,
+    largest: AtlasLayout,
+    parts: Vec<[u32; 4]>,
+    stats: GatherStats,
+    jobs: VecDeque<Job>,
+    jobs_done: usize,
+    flights: VecDeque<Flight>,
+    free: Vec<usize>,
+    slots: Vec<Slot>,
+    passes: Vec<Pass>,
+    splats: SplatBuffers,
+    log: ValidationLog,
+    context: Arc<Context>,
+}
+
+/// A batch that was handed in; its ids come from one or more submits.
+struct Job {
+    batch: Batch,
+    atlas: IdAtlas,
+    pending: usize,
+}
+
+/// A submit under way.
+struct Flight {
+    slot: usize,
+    job: usize,
+    first_row: u32,
+    layout: AtlasLayout,
+    faces: Range<usize>,
+    submitted: Instant,
+}
+
+impl VulkanGatherer {
+    /// Opens device `index` (see [`list_devices`](super::list_devices)) and copies the surfels to it.
+    ///
+    /// # Errors
+    /// When a setting is out of range, or the device cannot be opened or has too little memory for a single hemicube.
+    pub fn new(index: usize, splats: &[Splat], shape: SurfelShape, settings: VulkanSettings) -> Result<Self> {
+        check_resolution(settings.resolution)?;
+        let log = ValidationLog::default();
+        let context = Context::new(index, settings.validation.then_some(&log))?;
+        let resolution = settings.resolution;
+        let parts = tile_parts(resolution, context.limits.point_size_range[1] as u32);
+        let passes = passes(&context, shape, &settings)
+            .map_err(|result| context.error("building the hemicube pipeline", result))?;
+        let buffers = SplatBuffers::new(&context, splats, shape)
+            .map_err(|result| context.error("copying the surfels", result))?;
+        let (slots, largest) = slots(&context, &passes, &settings, parts.len())
+            .map_err(|result| context.error("taking memory for hemicubes", result))?;
+        let target = match settings.batch {
+            BatchSize::Auto => AUTO_SECONDS,
+            BatchSize::Fixed(_) => FIXED_SECONDS,
+        };
+        Ok(Self {
+            settings,
+            pace: Pace::new(largest.capacity(), buffers.count, target),
+            largest,
+            parts,
+            stats: GatherStats::default(),
+            jobs: VecDeque::new(),
+            jobs_done: 0,
+            flights: VecDeque::new(),
+            free: (0..slots.len()).collect(),
+            slots,
+            passes,
+            splats: buffers,
+            log,
+            context,
+        })
+    }
+
+    /// The device.
+    pub fn device(&self) -> &DeviceInfo {
+        &self.context.info
+    }
+
+    /// Where the time went so far.
+    pub fn stats(&self) -> GatherStats {
+        self.stats
+    }
+
+    /// Messages of the validation layer; stays empty unless validation was asked for. A clone outlives the gatherer.
+    pub fn validation_log(&self) -> ValidationLog {
+        self.log.clone()
+    }
+
+    /// The layout of a batch's atlas.
+    fn layout(&self, hemicubes: usize) -> AtlasLayout {
+        let columns = (self.largest.columns as usize).min(self.pace.limit()).min(hemicubes).max(1);
+        AtlasLayout {
+            resolution: self.settings.resolution,
+            columns: columns as u32,
+            rows: hemicubes.div_ceil(columns) as u32,
+        }
+    }
+
+    /// Starts all submits of the youngest job: whole rows of tiles, as many as the pace allows.
+    fn start(&mut self, layout: AtlasLayout) -> VkResult<()> {
+        let mut row = 0;
+        while row < layout.rows {
+            let paced = (self.pace.limit() as u32 / layout.columns).max(1);
+            let rows = paced.min(self.largest.rows).min(layout.rows - row);
+            match self.start_rows(row, AtlasLayout { rows, ..layout }) {
+                Ok(()) => row += rows,
+                Err(result) if out_of_memory(result) && self.pace.halve() => self.land_all()?,
+                Err(result) => return Err(result),
+            }
+        }
+        Ok(())
+    }
+
+    fn start_rows(&mut self, first_row: u32, layout: AtlasLayout) -> VkResult<()> {
+        (0..self.passes.len()).try_for_each(|pass| self.launch(pass, first_row, layout))
+    }
+
+    /// Submits one pass over some rows of the youngest job.
+    fn launch(&mut self, pass: usize, first_row: u32, layout: AtlasLayout) -> VkResult<()> {
+        if self.free.is_empty() {
+            self.land()?;
+        }
+        let Some(index) = self.free.pop() else { return Err(vk::Result::ERROR_UNKNOWN) };
+        let launched = self.record_and_submit(index, pass, first_row, layout);
+        if launched.is_err() {
+            self.free.push(index);
+            return launched;
+        }
+        self.flights.push_back(Flight {
+            slot: index,
+            job: self.jobs_done + self.jobs.len() - 1,
+            first_row,
+            layout,
+            faces: self.passes[pass].faces.clone(),
+            submitted: Instant::now(),
+        });
+        self.jobs.back_mut().into_iter().for_each(|job| job.pending += 1);
+        self.stats.submits += 1;
+        Ok(())
+    }
+
+    fn record_and_submit(
+        &mut self,
+        slot: usize,
+        pass: usize,
+        first_row: u32,
+        layout: AtlasLayout,
+    ) -> VkResult<()> {
+        let started = Instant::now();
+        let slot = &mut self.slots[slot];
+        let receivers = self.jobs.back().map_or(&[][..], |job| &job.batch.receivers);
+        let first = (first_row * layout.columns) as usize;
+        let receivers = &receivers[first..receivers.len().min(first + layout.capacity())];
+        let instances = write_instances(&mut slot.instances, receivers, layout, &self.parts);
+        let pass_ref = &self.passes[pass];
+        let drawing = Drawing { pass: pass_ref, framebuffer: pass, splats: &self.splats, instances, layout };
+        record(&self.context, slot, &drawing)?;
+        let recorded = Instant::now();
+        let commands = [slot.commands];
+        let submit = [vk::SubmitInfo::default().command_buffers(&commands)];
+        // SAFETY: the slot is free, so its fence is unsignalled and its commands are not under way.
+        unsafe { self.context.device.queue_submit(self.context.queue, &submit, slot.fence.raw) }?;
+        self.stats.record_seconds += (recorded - started).as_secs_f64();
+        self.stats.submit_seconds += recorded.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Waits for the oldest submit and puts its ids where they belong.
+    fn land(&mut self) -> VkResult<()> {
+        let Some(flight) = self.flights.pop_front() else { return Ok(()) };
+        let slot = &self.slots[flight.slot];
+        let (started, fences) = (Instant::now(), [slot.fence.raw]);
+        // SAFETY: the fence was submitted; after waiting nothing uses it.
+        unsafe {
+            self.context.device.wait_for_fences(&fences, true, u64::MAX)?;
+            self.context.device.reset_fences(&fences)?;
+        }
+        let waited = Instant::now();
+        let gpu_seconds = slot.gpu_seconds(&self.context);
+        let job = &mut self.jobs[flight.job - self.jobs_done];
+        job.pending -= 1;
+        let bytes = read(&slot.readback, &flight, &mut job.atlas);
+        let busy = gpu_seconds.unwrap_or_else(|| (waited - flight.submitted).as_secs_f64());
+        self.pace.learn(flight.layout.capacity(), busy);
+        self.stats.wait_seconds += (waited - started).as_secs_f64();
+        self.stats.read_seconds += waited.elapsed().as_secs_f64();
+        self.stats.gpu_seconds += gpu_seconds.unwrap_or_default();
+        self.stats.readback_bytes += bytes;
+        self.free.push(flight.slot);
+        Ok(())
+    }
+
+    fn land_all(&mut self) -> VkResult<()> {
+        while !self.flights.is_empty() {
+            self.land()?;
+        }
+        Ok(())
+    }
+
+    fn failed(&self, result: vk::Result) -> Error {
+        self.context.error("drawing hemicubes", result)
+    }
+}
+
+impl Gatherer for VulkanGatherer {
+    fn batch_size(&self) -> usize {
+        let columns = self.largest.columns as usize;
+        match self.settings.batch {
+            BatchSize::Fixed(n) => n.min(self.largest.capacity()).max(1),
+            // Whole rows, so that the batch is one submit.
+            BatchSize::Auto if self.pace.limit() > columns => self.pace.limit() / columns * columns,
+            BatchSize::Auto => self.pace.limit(),
+        }
+    }
+
+    fn frames_in_flight(&self) -> usize {
+        self.slots.len()
+    }
+
+    fn submit(&mut self, batch: Batch) -> Result<()> {
+        let hemicubes = batch.receivers.len();
+        let layout = self.layout(hemicubes);
+        self.jobs.push_back(Job { batch, atlas: IdAtlas::empty(layout), pending: 0 });
+        self.start(layout).map_err(|result| self.failed(result))?;
+        self.stats.batches += 1;
+        self.stats.hemicubes += hemicubes as u64;
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<Option<Gathered>> {
+        while self.jobs.front().is_some_and(|job| job.pending > 0) {
+            self.land().map_err(|result| self.failed(result))?;
+        }
+        let Some(job) = self.jobs.pop_front() else { return Ok(None) };
+        self.jobs_done += 1;
+        Ok(Some(Gathered { batch: job.batch, output: Output::Ids(job.atlas) }))
+    }
+}
+
+impl Drop for VulkanGatherer {
+    fn drop(&mut self) {
+        // SAFETY: the device is alive. Whatever the answer, nothing of ours is under way afterwards: a lost device runs
+        // nothing.
+        let _ = unsafe { self.context.device.device_wait_idle() };
+    }
+}
+
+/// Copies the ids of a submit to their rows in the whole batch's atlas; returns the number of bytes.
+fn read(readback: &Buffer, flight: &Flight, atlas: &mut IdAtlas) -> u64 {
+    let size = 4 * flight.layout.texels();
+    let texels: &[u32] = bytemuck::cast_slice(&readback.bytes()[..size]);
+    let first_tile = (flight.first_row * flight.layout.columns) as usize;
+    let mut bytes = 0;
+    for face in flight.faces.clone() {
+        let count = (flight.layout.width() * flight.layout.height(face)) as usize;
+        let from = flight.layout.row_start(face, 0, 0);
+        let to = atlas.layout.row_start(face, first_tile, 0);
+        atlas.texels[to..to + count].copy_from_slice(&texels[from..from + count]);
+        bytes += 4 * count as u64;
+    }
+    bytes
+}

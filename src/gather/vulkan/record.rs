@@ -1,0 +1,154 @@
+//! The commands of one submit: draw all hemicubes, copy their ids into the readback buffer.
+
+use super::context::Context;
+use super::pass::{Pass, Viewport};
+use super::slot::{HIDDEN_ROWS, Slot};
+use super::vertices::SplatBuffers;
+use crate::hemicube::atlas::AtlasLayout;
+use ash::prelude::VkResult;
+use ash::vk;
+
+/// What a submit draws.
+pub(super) struct Drawing<'a> {
+    /// The render pass.
+    pub pass: &'a Pass,
+    /// Which of the slot's framebuffers belongs to it.
+    pub framebuffer: usize,
+    /// The surfels.
+    pub splats: &'a SplatBuffers,
+    /// Instances in the slot's instance buffer.
+    pub instances: u32,
+    /// Where their tiles lie; no larger than the slot's images.
+    pub layout: AtlasLayout,
+}
+
+/// Records a submit into the slot's command buffer, which the device must not be using.
+pub(super) fn record(context: &Context, slot: &Slot, drawing: &Drawing<'_>) -> VkResult<()> {
+    let (device, commands) = (&context.device, slot.commands);
+    let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+    // SAFETY: the caller promises that the command buffer is idle; its pool allows it to be begun again.
+    unsafe { device.begin_command_buffer(commands, &begin) }?;
+    if let Some(timer) = &slot.timer {
+        // SAFETY: the command buffer is recording, outside a render pass; the pool has two queries.
+        unsafe {
+            device.cmd_reset_query_pool(commands, timer.raw, 0, 2);
+            device.cmd_write_timestamp(commands, vk::PipelineStageFlags::TOP_OF_PIPE, timer.raw, 0);
+        }
+    }
+    draw(context, slot, drawing);
+    copy(context, slot, drawing);
+    if let Some(timer) = &slot.timer {
+        // SAFETY: as above.
+        unsafe { device.cmd_write_timestamp(commands, vk::PipelineStageFlags::BOTTOM_OF_PIPE, timer.raw, 1) };
+    }
+    // SAFETY: the command buffer is recording.
+    unsafe { device.end_command_buffer(commands) }
+}
+
+/// The render pass.
+fn draw(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
+    let (device, commands, pass) = (&context.device, slot.commands, drawing.pass);
+    let (width, height) = (drawing.layout.width(), drawing.layout.height(0));
+    let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
+    let viewport = vk::Viewport {
+        width: width as f32,
+        height: (height + HIDDEN_ROWS) as f32,
+        max_depth: 1.0,
+        ..Default::default()
+    };
+    let constants = Viewport {
+        pixel_to_clip: [2.0 / viewport.width, 2.0 / viewport.height],
+        hidden: [0.5 * viewport.width, viewport.height - 0.5 * HIDDEN_ROWS as f32],
+    };
+    // All zeros: no id, and the depth of infinity.
+    let clear = [vk::ClearValue::default(); 2];
+    let begin = vk::RenderPassBeginInfo::default()
+        .render_pass(pass.render_pass.raw)
+        .framebuffer(slot.framebuffers[drawing.framebuffer].raw)
+        .render_area(area)
+        .clear_values(&clear);
+    let vertex = vk::ShaderStageFlags::VERTEX;
+    // SAFETY: the command buffer is recording; all objects belong to the device and outlive the submit, which the slot's
+    // fence ends; the area lies within the framebuffer.
+    unsafe {
+        device.cmd_begin_render_pass(commands, &begin, vk::SubpassContents::INLINE);
+        device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::GRAPHICS, pass.pipeline.raw);
+        device.cmd_set_viewport(commands, 0, &[viewport]);
+        device.cmd_set_scissor(commands, 0, &[area]);
+        device.cmd_push_constants(commands, pass.layout.raw, vertex, 0, bytemuck::bytes_of(&constants));
+    }
+    draw_splats(context, slot, drawing);
+    // SAFETY: the render pass was begun above.
+    unsafe { device.cmd_end_render_pass(commands) };
+}
+
+/// Every surfel into every hemicube.
+fn draw_splats(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
+    let mut buffers = vec![drawing.splats.splats.raw(), slot.instances.raw()];
+    buffers.extend(drawing.splats.axes.as_ref().map(|axes| axes.raw()));
+    let offsets = [0; 3];
+    // SAFETY: the pipeline is bound; the buffers are those of its bindings and hold the vertices and instances drawn.
+    unsafe {
+        context.device.cmd_bind_vertex_buffers(slot.commands, 0, &buffers, &offsets[..buffers.len()]);
+        context.device.cmd_draw(slot.commands, drawing.splats.count, drawing.instances, 0, 0);
+    }
+}
+
+/// One copy packs the used part of every drawn layer into the readback buffer; then the host may read it.
+fn copy(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
+    let (device, commands) = (&context.device, slot.commands);
+    let regions = regions(drawing);
+    let visible = [vk::BufferMemoryBarrier::default()
+        .src_access_mask(vk::AccessFlags::TRANSFER_WRITE)
+        .dst_access_mask(vk::AccessFlags::HOST_READ)
+        .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+        .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+        .buffer(slot.readback.raw())
+        .size(vk::WHOLE_SIZE)];
+    // SAFETY: the command buffer is recording, outside a render pass; the pass left the image in this layout, and the
+    // buffer holds a whole atlas.
+    unsafe {
+        device.cmd_copy_image_to_buffer(
+            commands,
+            slot.ids.raw(),
+            vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
+            slot.readback.raw(),
+            &regions,
+        );
+        device.cmd_pipeline_barrier(
+            commands,
+            vk::PipelineStageFlags::TRANSFER,
+            vk::PipelineStageFlags::HOST,
+            vk::DependencyFlags::empty(),
+            &[],
+            &visible,
+            &[],
+        );
+    }
+}
+
+/// The top face, and all sides together: they have the same height, so that one region packs them all.
+fn regions(drawing: &Drawing<'_>) -> Vec<vk::BufferImageCopy> {
+    let faces = &drawing.pass.faces;
+    let sides = faces.start.max(1)..faces.end;
+    let tops = faces.start..faces.end.min(1);
+    [tops, sides]
+        .into_iter()
+        .filter(|faces| !faces.is_empty())
+        .map(|faces| vk::BufferImageCopy {
+            buffer_offset: 4 * drawing.layout.row_start(faces.start, 0, 0) as u64,
+            image_subresource: vk::ImageSubresourceLayers {
+                aspect_mask: vk::ImageAspectFlags::COLOR,
+                mip_level: 0,
+                base_array_layer: faces.start as u32,
+                layer_count: faces.len() as u32,
+            },
+            image_extent: vk::Extent3D {
+                width: drawing.layout.width(),
+                height: drawing.layout.height(faces.start),
+                depth: 1,
+            },
+            ..Default::default()
+        })
+        .collect()
+}

@@ -1,0 +1,89 @@
+//! What a caller chooses, and what the gatherer measures.
+
+use crate::error::Error;
+use std::str::FromStr;
+
+/// How many hemicubes go into one batch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum BatchSize {
+    /// As many as one submit of about 50 ms holds, measured while running.
+    #[default]
+    Auto,
+    /// This many, if the device can hold them.
+    Fixed(usize),
+}
+
+impl FromStr for BatchSize {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self, Error> {
+        match text.parse() {
+            _ if text == "auto" => Ok(Self::Auto),
+            Ok(n) if n > 0 => Ok(Self::Fixed(n)),
+            _ => Err(Error::Usage(format!("batch size '{text}': it must be 'auto' or a number from 1 on"))),
+        }
+    }
+}
+
+/// How many faces one render pass draws.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum FacesPerPass {
+    /// All five, by multiview.
+    #[default]
+    All,
+    /// One face a submit and a readback, the way of Schmitt's thesis (2012); to measure against.
+    One,
+}
+
+/// Settings of a [`VulkanGatherer`](super::VulkanGatherer). None but the resolution changes a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct VulkanSettings {
+    /// Pixels along a face's edge; even, 4..=256.
+    pub resolution: u32,
+    /// Hemicubes a batch.
+    pub batch: BatchSize,
+    /// Batches under way at once, each with its own images and buffers; at least 1.
+    pub frames_in_flight: usize,
+    /// Faces a render pass.
+    pub faces: FacesPerPass,
+    /// Bytes of device memory that all batches together may take; `None`: a quarter of the device's own memory.
+    pub memory_budget: Option<u64>,
+    /// Loads the validation layer with synchronisation validation (slow; for tests).
+    pub validation: bool,
+}
+
+impl Default for VulkanSettings {
+    fn default() -> Self {
+        Self {
+            resolution: 8,
+            batch: BatchSize::Auto,
+            frames_in_flight: 3,
+            faces: FacesPerPass::All,
+            memory_budget: None,
+            validation: false,
+        }
+    }
+}
+
+/// Where a gatherer's time went. Times are busy times in seconds, summed over all submits.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct GatherStats {
+    /// Batches handed in.
+    pub batches: u64,
+    /// Submits to the device; more than batches when batches were split.
+    pub submits: u64,
+    /// Hemicubes drawn.
+    pub hemicubes: u64,
+    /// Writing instance buffers and recording commands.
+    pub record_seconds: f64,
+    /// In `vkQueueSubmit`.
+    pub submit_seconds: f64,
+    /// Waiting for fences.
+    pub wait_seconds: f64,
+    /// Copying ids out of the readback buffers.
+    pub read_seconds: f64,
+    /// On the device, by its timestamps; 0 where it has none.
+    pub gpu_seconds: f64,
+    /// Ids copied back, bytes.
+    pub readback_bytes: u64,
+}

@@ -46,7 +46,7 @@ pub fn render(world: &World, view: &View, settings: &Settings, aovs: &[Aov], run
     let convolver = world.convolver();
     let mut gatherer = match settings.gather {
         GatherMethod::None => None,
-        _ => Some(world.gatherer(settings, run)?),
+        _ => Some(world.gatherer(settings)?),
     };
     std::thread::scope(|scope| {
         let stage = gatherer.as_deref_mut().map(|g| GatherStage::spawn(scope, g, chunk_samples(view), run));

@@ -4,6 +4,7 @@ use crate::progress::Reporter;
 use crate::stats::{Counters, StageClock};
 
 /// The companions of a run.
+#[derive(Default)]
 pub struct Run {
     /// Messages and progress.
     pub reporter: Reporter,
@@ -11,4 +12,11 @@ pub struct Run {
     pub clock: StageClock,
     /// Counts for the statistics.
     pub counters: Counters,
+}
+
+impl Run {
+    /// A run that speaks through `reporter`.
+    pub fn new(reporter: Reporter) -> Self {
+        Self { reporter, ..Self::default() }
+    }
 }

@@ -1,6 +1,9 @@
 //! What a user may choose, with its defaults and named sets.
 
+pub use crate::direct::Emitters;
 use crate::gather::device::DeviceRequest;
+pub use crate::gather::monte_carlo::Bounces;
+pub use crate::gather::vulkan::BatchSize;
 use crate::surfel::cloud::SurfelShape;
 
 /// How irradiance is gathered.
@@ -13,15 +16,6 @@ pub enum GatherMethod {
     MonteCarlo,
     /// No indirect light.
     None,
-}
-
-/// Number of indirect bounces.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Bounces {
-    /// Exactly so many.
-    Count(u32),
-    /// Until the change is below [`BOUNCE_TOLERANCE`].
-    Infinite,
 }
 
 /// Relative change of the brightest surfel at which infinite bounces end.
@@ -42,7 +36,7 @@ impl std::str::FromStr for Bounces {
 }
 
 impl Bounces {
-    /// The bound on iterations.
+    /// The bound on reflections.
     pub fn limit(self) -> u32 {
         match self {
             Self::Count(n) => n,
@@ -60,38 +54,6 @@ pub enum SurfelDensity {
     Spacing(f64),
     /// So many on every primitive (the thesis's way; six times as many on a box).
     PerPrimitive(u64),
-}
-
-/// Hemicubes a batch.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum BatchSize {
-    /// From the device's limits and measured speed.
-    #[default]
-    Auto,
-    /// So many at most.
-    Fixed(usize),
-}
-
-impl std::str::FromStr for BatchSize {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text.parse() {
-            _ if text == "auto" => Ok(Self::Auto),
-            Ok(0) | Err(_) => Err(format!("batch must be 'auto' or at least 1, not '{text}'")),
-            Ok(n) => Ok(Self::Fixed(n)),
-        }
-    }
-}
-
-/// Whether emitters are sampled directly or seen by the gather.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
-pub enum Emitters {
-    /// Shadow rays find emitters; the gather sees reflected light only.
-    #[default]
-    Sample,
-    /// The gather sees emission; nothing is sampled. This tests the gather itself.
-    Gather,
 }
 
 /// Settings of the light transport, shared by all commands.

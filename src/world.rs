@@ -4,7 +4,10 @@ use crate::accel::Accel;
 use crate::direct::Lights;
 use crate::error::Result;
 use crate::gather::order::{Ordered, order};
-use crate::gather::{self, Gatherer};
+use crate::gather::vulkan::list_devices;
+use crate::gather::Gatherer;
+use crate::gather::create::{choose_device, create};
+use crate::gather::device::{Choice, Chosen};
 use crate::hemicube::convolve::Convolver;
 use crate::hemicube::frame::{RECEIVER_INSIDE, Receiver};
 use crate::hemicube::weights::Weights;
@@ -12,7 +15,7 @@ use crate::math::hash32;
 use crate::run::Run;
 use crate::scene::Scene;
 use crate::settings::{BOUNCE_TOLERANCE, Bounces, Emitters, GatherMethod, Settings, SurfelDensity};
-use crate::stats::Stage;
+use crate::stats::{DeviceInfo, Stage};
 use crate::surfel::closed::ClosedTest;
 use crate::surfel::cloud::SurfelCloud;
 use crate::surfel::drawable::Drawables;
@@ -40,6 +43,8 @@ pub struct World {
     pub drawables: Drawables,
     /// Pixel weights of the hemicube.
     pub weights: Weights,
+    /// What gathers, and why that.
+    pub device: Choice,
     closed: ClosedTest,
 }
 
@@ -60,11 +65,14 @@ impl World {
             tree: None,
             drawables: Drawables::default(),
             weights: Weights::new(settings.face_resolution),
+            device: choose_device(settings)?,
             closed: ClosedTest::none(),
         };
+        run.reporter.info(&format!("device {}: {}", world.device.name, world.device.reason));
+        run.reporter.verbose(|| format!("features: {}", world.scene.features().join(", ")));
         if settings.gather == GatherMethod::Hemicube {
             world.cloud = run.clock.time(Stage::Surfels, || world.surfels(cloud, settings))?;
-            world.closed = ClosedTest::new(&world.scene, &world.cloud);
+            world.closed = ClosedTest::new(&world.scene, &world.accel);
             world.tree = run.clock.time(Stage::Tree, || (settings.lod > 0.0).then(|| SurfelTree::new(&world.cloud)));
             world.drawables = Drawables::new(&world.cloud, world.tree.as_ref());
             world.bounce(settings, run)?;
@@ -82,7 +90,7 @@ impl World {
             samples: settings.light_samples,
             seed: settings.seed,
         };
-        shade(&mut cloud, &self.scene, &self.accel, &self.lights, &shading);
+        shade(&mut cloud, &self.accel, &self.lights, &shading);
         Ok(cloud)
     }
 
@@ -118,11 +126,27 @@ impl World {
                 self.receiver(position, normal, hash32(side ^ hash32(settings.seed)))
             })
             .collect();
-        let mut gatherer = self.gatherer(settings, run)?;
+        let mut gatherer = self.gatherer(settings)?;
         let ordered = self.order(&receivers, settings, gatherer.batch_size());
         run.clock.time(Stage::Gather, || {
             Transfer::gather(sides, ordered, &self.drawables, &self.weights, gatherer.as_mut())
         })
+    }
+
+    /// The device for the statistics.
+    pub fn device_info(&self) -> DeviceInfo {
+        let listed = match self.device.device {
+            Chosen::Cpu => None,
+            Chosen::Vulkan(index) => list_devices().ok().and_then(|devices| devices.into_iter().nth(index)),
+        };
+        match listed {
+            None => DeviceInfo { name: self.device.name.clone(), kind: "cpu".into(), driver: String::new() },
+            Some(d) => DeviceInfo {
+                name: d.name,
+                kind: d.kind.to_string(),
+                driver: format!("{} {}", d.driver, d.driver_version),
+            },
+        }
     }
 
     /// A receiver, flagged when it stands inside a closed mesh.
@@ -146,8 +170,8 @@ impl World {
     ///
     /// # Errors
     /// When the device is not there or fails.
-    pub fn gatherer<'a>(&'a self, settings: &Settings, run: &Run) -> Result<Box<dyn Gatherer + 'a>> {
-        gather::create::create(self, settings, run)
+    pub fn gatherer(&self, settings: &Settings) -> Result<Box<dyn Gatherer + '_>> {
+        create(self.device.device, &self.accel, &self.lights, &self.drawables, settings)
     }
 }
 

@@ -1,12 +1,13 @@
 //! Options that several commands share.
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gather::device::DeviceRequest;
 use crate::hemicube::frame::{MAX_RESOLUTION, MIN_RESOLUTION};
 use crate::progress::Reporter;
 use crate::run::Run;
-use crate::scene::load::{default_framing, load};
-use crate::scene::{Camera, PunctualEmission, PunctualLight, Scene, SceneDescription};
+use crate::scene::{
+    Camera, PunctualEmission, PunctualLight, Scene, SceneDescription, default_framing, load,
+};
 use crate::settings::{BatchSize, Bounces, Emitters, GatherMethod, Settings, SurfelDensity};
 use crate::surfel::cloud::{SurfelCloud, SurfelShape};
 use clap::Args;
@@ -84,6 +85,10 @@ pub struct TransportArgs {
     #[arg(long, value_enum, default_value = "disc")]
     pub surfel_shape: SurfelShape,
 
+    /// Largest size, in hemicube pixels, at which a cluster of surfels is drawn as one disc; 0 draws surfels only
+    #[arg(long, value_name = "PIXELS", default_value_t = 1.0, value_parser = lod)]
+    pub lod: f32,
+
     /// Number of indirect bounces, or 'inf'
     #[arg(long, value_name = "K|inf", default_value = "1")]
     pub bounces: Bounces,
@@ -137,7 +142,8 @@ impl SceneArgs {
         if let Some(background) = self.background {
             description.background = DVec3::from(background).as_vec3();
         }
-        description.warnings.drain(..).for_each(|w| run.reporter.warn(&w));
+        description.warnings.iter().for_each(|w| run.reporter.warn(w));
+        description.darkness_warning().iter().for_each(|w| run.reporter.warn(w));
         Ok(description)
     }
 }
@@ -147,7 +153,7 @@ impl CameraArgs {
     pub fn camera(&self, description: &SceneDescription) -> Result<Camera> {
         match (self.look_from, self.look_at) {
             (Some(from), Some(at)) => Camera::look_at(from.into(), at.into(), self.up.into(), self.fov),
-            _ => Ok(description.camera.clone().unwrap_or_else(|| default_framing(description))),
+            _ => description.camera.clone().map_or_else(|| default_framing(description), Ok),
         }
     }
 }
@@ -166,6 +172,7 @@ impl TransportArgs {
             face_resolution: self.face_resolution,
             density,
             shape: self.surfel_shape,
+            lod: self.lod,
             bounces: self.bounces,
             emitters: Emitters::Sample,
             light_samples: self.light_samples,
@@ -186,7 +193,7 @@ impl TransportArgs {
 impl MessageArgs {
     /// Companions of the run.
     pub fn run(&self) -> Run {
-        Run { reporter: Reporter::new(self.quiet, self.verbose), ..Run::default() }
+        Run::new(Reporter::new(self.quiet, self.verbose))
     }
 }
 
@@ -216,6 +223,13 @@ fn positive(text: &str) -> std::result::Result<f64, String> {
         .ok_or_else(|| format!("must be a finite number above 0, not '{text}'"))
 }
 
+fn lod(text: &str) -> std::result::Result<f32, String> {
+    text.parse::<f32>()
+        .ok()
+        .filter(|v| (0.0..=64.0).contains(v))
+        .ok_or_else(|| format!("must be a number from 0 to 64, not '{text}'"))
+}
+
 fn field_of_view(text: &str) -> std::result::Result<f64, String> {
     positive(text).ok().filter(|v| *v < 179.9).ok_or_else(|| "must lie between 0 and 179.9 degrees".into())
 }
@@ -233,15 +247,4 @@ fn frames_in_flight(text: &str) -> std::result::Result<usize, String> {
 
 fn threads(text: &str) -> std::result::Result<usize, String> {
     text.parse::<usize>().ok().filter(|n| *n <= 1024).ok_or_else(|| "must be from 0 to 1024".into())
-}
-
-/// A failure of the whole scene names its files.
-pub fn build_scene(description: &SceneDescription, args: &SceneArgs) -> Result<Scene> {
-    Scene::new(description).map_err(|error| match error {
-        Error::Usage(message) => {
-            let files: Vec<String> = args.scenes.iter().map(|p| p.display().to_string()).collect();
-            Error::Usage(format!("{}: {message}", files.join(", ")))
-        }
-        other => other,
-    })
 }

@@ -1,12 +1,14 @@
 //! `surflux irradiance`: points in, irradiance out, like Radiance's `rtrace -I`.
 
-use super::common::{MessageArgs, SceneArgs, TransportArgs, build_scene};
+use super::common::{MessageArgs, SceneArgs, TransportArgs};
 use super::with_threads;
+use crate::direct::{LitPoint, Sampling};
 use crate::error::{Error, Result};
 use crate::gather::stage::gather_all;
 use crate::math::hash32;
 use crate::render::estimates;
 use crate::settings::{Bounces, Emitters, GatherMethod, Settings};
+use crate::scene::Scene;
 use crate::world::World;
 use clap::{Args, ValueEnum};
 use glam::{DVec3, Vec3};
@@ -58,7 +60,7 @@ fn print_irradiance(args: &IrradianceArgs) -> Result<()> {
     let run = args.messages.run();
     let settings = settings(args);
     let description = args.scene.load(&run)?;
-    let scene = build_scene(&description, &args.scene)?;
+    let scene = Scene::new(&description)?;
     let cloud = args.transport.cloud(&scene)?;
     let points = read_points(std::io::stdin().lock(), |p| scene.normalisation.point(p))?;
     let world = World::prepare(scene, cloud, &settings, &run)?;
@@ -67,7 +69,7 @@ fn print_irradiance(args: &IrradianceArgs) -> Result<()> {
         add_direct(&world, &settings, &points, &mut total);
     }
     if settings.gather != GatherMethod::None {
-        let mut gatherer = world.gatherer(&settings, &run)?;
+        let mut gatherer = world.gatherer(&settings)?;
         let seed = |i: usize| hash32(settings.seed ^ hash32(i as u32));
         let receivers: Vec<_> =
             points.par_iter().enumerate().map(|(i, p)| world.receiver(p.position, p.normal, seed(i))).collect();
@@ -101,8 +103,9 @@ fn settings(args: &IrradianceArgs) -> Settings {
 
 fn add_direct(world: &World, settings: &Settings, points: &[Point], total: &mut [Vec3]) {
     total.par_iter_mut().zip(points).enumerate().for_each(|(i, (sum, p))| {
-        let stream = hash32(settings.seed ^ hash32(i as u32) ^ 0x0d1e_c7ed);
-        *sum += world.lights.irradiance(&world.accel, p.position, p.normal, p.normal, stream, settings.light_samples);
+        let point = LitPoint::flat(p.position, p.normal);
+        let sampling = Sampling { seed: settings.seed, stream: i as u64, samples: settings.light_samples };
+        *sum += world.lights.irradiance(&world.accel, &point, sampling);
     });
 }
 

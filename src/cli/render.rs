@@ -1,6 +1,6 @@
 //! `surflux render`.
 
-use super::common::{CameraArgs, MessageArgs, SceneArgs, TransportArgs, build_scene};
+use super::common::{CameraArgs, MessageArgs, SceneArgs, TransportArgs};
 use super::with_threads;
 use crate::atomic_file::check_writable;
 use crate::error::Result;
@@ -10,6 +10,7 @@ use crate::render::render;
 use crate::run::Run;
 use crate::shading::points::View;
 use crate::stats::{Stage, Stats};
+use crate::scene::Scene;
 use crate::world::World;
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -60,6 +61,7 @@ pub struct RenderArgs {
 /// Renders a scene to a picture.
 pub fn run(args: &RenderArgs) -> Result<()> {
     let format = ImageFormat::from_path(&args.output)?;
+    format.check_layers(&args.output, &args.aov)?;
     check_writable(&args.output)?;
     if let Some(path) = args.stats.as_deref().filter(|p| *p != Path::new("-")) {
         check_writable(path)?;
@@ -74,18 +76,27 @@ fn render_to_file(args: &RenderArgs, format: ImageFormat) -> Result<()> {
     let (scene, camera) = run.clock.time(Stage::Load, || -> Result<_> {
         let description = args.scene.load(&run)?;
         let camera = args.camera.camera(&description)?;
-        Ok((build_scene(&description, &args.scene)?, camera))
+        Ok((Scene::new(&description)?, camera))
     })?;
     let cloud = args.transport.cloud(&scene)?;
     let world = World::prepare(scene, cloud, &settings, &run)?;
     let view = View::new(&world.scene, &camera, args.width, args.height, args.samples, settings.seed);
-    let film = render(&world, &view, &settings, &args.aov, &run)?;
+    let mut film = render(&world, &view, &settings, &args.aov, &run)?;
+    match film.sanitise() {
+        0 => {}
+        n => run.reporter.warn(&format!("{n} pixels were not finite or negative and were set to black")),
+    }
     run.clock.time(Stage::Write, || write(&film, &args.output, format, args.exposure))?;
     report(args, &world, &run, started)
 }
 
 fn report(args: &RenderArgs, world: &World, run: &Run, started: Instant) -> Result<()> {
-    let stats = Stats::collect(world, run, [args.width, args.height, args.samples], started.elapsed());
+    let mut stats = Stats::new(&run.counters, &run.clock, started.elapsed());
+    stats.device = world.device_info();
+    stats.image = [args.width, args.height, args.samples];
+    stats.surfels = world.cloud.len() as u64;
+    stats.nodes = world.drawables.len() as u64;
+    stats.features = world.scene.features();
     run.reporter.summary(&stats);
     args.stats.as_deref().map_or(Ok(()), |path| stats.write_json(path))
 }

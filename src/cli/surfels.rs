@@ -1,11 +1,12 @@
 //! `surflux surfels`: bake a surfel cloud.
 
-use super::common::{MessageArgs, SceneArgs, TransportArgs, build_scene};
+use super::common::{MessageArgs, SceneArgs, TransportArgs};
 use super::with_threads;
 use crate::atomic_file::check_writable;
 use crate::error::{Error, Result};
 use crate::settings::GatherMethod;
 use crate::surfel::{file, ply};
+use crate::scene::Scene;
 use crate::world::World;
 use clap::Args;
 use std::path::PathBuf;
@@ -46,7 +47,7 @@ fn bake(args: &SurfelsArgs, as_ply: bool) -> Result<()> {
     let mut settings = args.transport.settings();
     settings.gather = GatherMethod::Hemicube;
     let description = args.scene.load(&run)?;
-    let scene = build_scene(&description, &args.scene)?;
+    let scene = Scene::new(&description)?;
     let cloud = args.transport.cloud(&scene)?;
     let world = World::prepare(scene, cloud, &settings, &run)?;
     if as_ply {

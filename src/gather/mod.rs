@@ -3,6 +3,7 @@
 pub mod cpu;
 pub mod create;
 pub mod device;
+pub mod monte_carlo;
 pub mod order;
 pub mod stage;
 pub mod vulkan;

@@ -153,7 +153,7 @@ impl Raster {
         let frame = receiver.frame();
         let inside = receiver.flags & RECEIVER_INSIDE != 0;
         let triangles = splats.shape == SurfelShape::Triangle;
-        let (zero, one) = (F::splat(0.0), F::splat(1.0));
+        let zero = F::splat(0.0);
         let origin = vector::<F>(receiver.position);
         for start in (0..splats.id.len()).step_by(LANES) {
             let position = load::<F>(&splats.position, start);

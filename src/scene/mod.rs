@@ -193,6 +193,7 @@ pub struct Scene {
 }
 
 mod bounds;
+mod features;
 mod framing;
 mod load;
 mod mesh;

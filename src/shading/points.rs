@@ -3,7 +3,7 @@
 use crate::accel::{Accel, Hit};
 use crate::math::{Rng, hash32};
 use crate::scene::{Camera, Material, Scene};
-use glam::{DVec3, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 /// Where a camera ray met a surface, from the side that the camera sees.
@@ -71,7 +71,7 @@ impl View {
             origin: scene.normalisation.point(camera.position),
             forward: camera.forward.as_vec3(),
             right: camera.right.as_vec3(),
-            up: DVec3::as_vec3(&up),
+            up: up.as_vec3(),
             width,
             height,
             samples,
@@ -87,8 +87,8 @@ impl View {
     /// Traces up to `count` camera samples from `first` on, in parallel.
     pub fn trace(&self, accel: &Accel, first: u64, count: usize) -> Vec<CameraSample> {
         let end = self.sample_count().min(first + count as u64);
-        let samples = (first..end).into_par_iter().with_min_len(256);
-        samples.map(|i| self.trace_sample(accel, i)).collect()
+        let samples = (0..(end - first) as usize).into_par_iter().with_min_len(256);
+        samples.map(|i| self.trace_sample(accel, first + i as u64)).collect()
     }
 
     fn trace_sample(&self, accel: &Accel, sample: u64) -> CameraSample {

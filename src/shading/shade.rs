@@ -1,9 +1,8 @@
 //! From direct and gathered light to the radiance of a pixel: L = Le + direct + albedo/pi E_indirect.
 
 use super::points::{CameraSample, ShadingPoint, View};
-use super::pixel::PixelValue;
-use crate::film::Film;
-use crate::math::hash32;
+use crate::direct::{Gloss, LitPoint, Sampling};
+use crate::film::{Film, PixelValue};
 use crate::settings::{Emitters, Settings};
 use crate::world::World;
 use glam::Vec3;
@@ -18,18 +17,14 @@ pub fn direct_light(world: &World, settings: &Settings, points: &[ShadingPoint])
         return vec![DirectLight::default(); points.len()];
     }
     let light = |p: &ShadingPoint| {
-        let stream = hash32(p.gather_seed(settings.seed) ^ 0x0d1e_c7ed);
         let material = &world.scene.materials[p.material as usize];
-        world.lights.shade(
-            &world.accel,
-            p.position,
-            p.shading_normal,
-            p.normal,
-            p.to_camera,
-            material,
-            stream,
-            settings.light_samples,
-        )
+        let gloss = (material.specular != Vec3::ZERO)
+            .then_some(Gloss { to_eye: p.to_camera, shininess: material.shininess });
+        let point =
+            LitPoint { position: p.position, normal: p.shading_normal, geometric_normal: p.normal };
+        let sampling =
+            Sampling { seed: settings.seed, stream: p.sample, samples: settings.light_samples };
+        world.lights.shade(&world.accel, &point, gloss, sampling)
     };
     points.par_iter().with_min_len(64).map(light).collect()
 }
@@ -60,7 +55,7 @@ pub fn develop(
                 },
             };
         }
-        (value * (1.0 / per_pixel as f32)).store(film, first_pixel + pixel);
+        film.set(first_pixel + pixel, value / per_pixel as f32);
     }
 }
 

@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 /// What a surfel looks like to the rasterisers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
 #[repr(u32)]
 pub enum SurfelShape {
     /// A disc of the surfel's radius.

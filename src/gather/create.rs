@@ -1,0 +1,69 @@
+//! From settings to a gatherer.
+
+use super::Gatherer;
+use super::cpu::{CpuGatherer, CpuSettings};
+use super::device::{Choice, Chosen, choose};
+use super::monte_carlo::{MonteCarloGatherer, MonteCarloSettings};
+use super::vulkan::{BatchSize, VulkanGatherer, VulkanSettings};
+use crate::accel::Accel;
+use crate::direct::Lights;
+use crate::error::Result;
+use crate::settings::{GatherMethod, Settings};
+use crate::surfel::drawable::Drawables;
+
+/// Batch of the software rasteriser: large enough to share among threads, small enough to stay in the cache.
+const CPU_BATCH: usize = 256;
+
+/// The device that will gather, and why. Rays run on the CPU, whatever the device.
+///
+/// # Errors
+/// When the device that was asked for is not there.
+pub fn choose_device(settings: &Settings) -> Result<Choice> {
+    match settings.gather {
+        GatherMethod::Hemicube => choose(&settings.device),
+        GatherMethod::MonteCarlo | GatherMethod::None => {
+            Ok(Choice { device: Chosen::Cpu, name: "cpu".into(), reason: "rays run on the CPU".into() })
+        }
+    }
+}
+
+/// Makes the gatherer.
+///
+/// # Errors
+/// When the device cannot be opened or has too little memory.
+pub fn create<'a>(
+    device: Chosen,
+    accel: &'a Accel,
+    lights: &'a Lights,
+    drawables: &Drawables,
+    settings: &Settings,
+) -> Result<Box<dyn Gatherer + 'a>> {
+    let resolution = settings.face_resolution;
+    let frames_in_flight = settings.frames_in_flight;
+    Ok(match (settings.gather, device) {
+        (GatherMethod::MonteCarlo | GatherMethod::None, _) => {
+            let (samples, bounces) = (settings.gather_samples, settings.bounces);
+            let (emitters, seed) = (settings.emitters, settings.seed);
+            let rays = MonteCarloSettings { samples, bounces, emitters, seed };
+            Box::new(MonteCarloGatherer::new(accel, lights, rays))
+        }
+        (GatherMethod::Hemicube, Chosen::Cpu) => {
+            let batch = match settings.batch {
+                BatchSize::Auto => CPU_BATCH,
+                BatchSize::Fixed(n) => n,
+            };
+            let cpu = CpuSettings { resolution, batch, frames_in_flight };
+            Box::new(CpuGatherer::new(drawables.splats.clone(), drawables.shape, cpu)?)
+        }
+        (GatherMethod::Hemicube, Chosen::Vulkan(index)) => {
+            let vulkan = VulkanSettings {
+                resolution,
+                batch: settings.batch,
+                frames_in_flight,
+                validation: settings.validation,
+                ..VulkanSettings::default()
+            };
+            Box::new(VulkanGatherer::new(index, &drawables.splats, drawables.shape, vulkan)?)
+        }
+    })
+}

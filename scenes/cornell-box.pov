@@ -38,8 +38,14 @@ triangle { <-5, 0, -5>, <-5, 10, 5>, <-5, 10, -5> texture { Red } }
 triangle { <5, 0, 5>, <5, 0, -5>, <5, 10, -5> texture { Green } }
 triangle { <5, 0, 5>, <5, 10, -5>, <5, 10, 5> texture { Green } }
 
-// The lamp's panel, an octagon of six triangles: it looks bright, lights nothing, and shades the ceiling.
-#declare Panel = texture { pigment { color rgb <1, 0.97, 0.9> } finish { ambient 1 diffuse 0 } }
+// The lamp's panel, an octagon of six triangles: it looks bright, lights nothing, and shades the ceiling. POV-Ray ignores
+// `ambient` where it computes radiosity, and takes `emission` instead, which to Surflux would be an area light.
+#ifdef (surflux)
+  #declare Bright = finish { ambient 1 diffuse 0 }
+#else
+  #declare Bright = finish { ambient 0 emission 1 diffuse 0 }
+#end
+#declare Panel = texture { pigment { color rgb <1, 0.97, 0.9> } finish { Bright } }
 union {
   triangle { <-1.5, 9.9, -0.62>, <-1.5, 9.9, 0.62>, <-0.62, 9.9, 1.5> }
   triangle { <-1.5, 9.9, -0.62>, <-0.62, 9.9, 1.5>, <0.62, 9.9, 1.5> }

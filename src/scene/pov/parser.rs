@@ -23,7 +23,7 @@ pub(super) struct Parser {
     /// Conditions and loops that are open.
     pub frames: Vec<Frame>,
     /// Passes through all loops that are still allowed.
-    pub passes_left: u32,
+    pub passes_left: usize,
     /// Identifiers: the global ones first, then those that are local to each open file.
     pub scopes: Vec<HashMap<String, Value>>,
     /// What objects look like that have no texture (`#default`).
@@ -32,6 +32,8 @@ pub(super) struct Parser {
     pub output: Output,
     /// Primitives that identifiers have been copied into.
     pub copies: usize,
+    /// An expression asked for the picture's size, which a scene cannot know.
+    pub image_size_used: bool,
     peeked: Option<(Token, Position)>,
     /// Leave directives in the stream: they end the value of the directive that is being read.
     hold: bool,
@@ -51,6 +53,7 @@ impl Parser {
             default_texture: Texture::default(),
             output: Output::default(),
             copies: 0,
+            image_size_used: false,
             peeked: None,
             hold: false,
             blocks: Vec::new(),

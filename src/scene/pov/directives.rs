@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 pub(super) const MAX_PASSES: usize = 1_000_000;
 
 /// A longer body counts as several passes, so that the limit is one of time and memory.
-const BYTES_PER_PASS: usize = 64;
+const BYTES_PER_PASS: usize = 32;
 
 /// Files within files.
 const MAX_INCLUDES: usize = 32;

@@ -62,7 +62,15 @@ impl Parser {
     }
 
     /// The next token, left in the stream. Directives before it are carried out, unless they are held back.
+    #[inline]
     pub fn peek(&mut self) -> Parsed<&Token> {
+        if !self.settled() {
+            self.settle()?;
+        }
+        Ok(self.peeked.as_ref().map_or(&Token::End, |(token, _)| token))
+    }
+
+    fn settle(&mut self) -> Parsed<()> {
         while !self.settled() {
             match self.peeked.take() {
                 None => self.peeked = Some(self.raw()?),
@@ -70,7 +78,7 @@ impl Parser {
                 Some((_, at)) => self.close_file(at)?,
             }
         }
-        Ok(self.peeked.as_ref().map_or(&Token::End, |(token, _)| token))
+        Ok(())
     }
 
     /// Whether the look-ahead holds a token for statements: neither a directive nor the end of an included file.

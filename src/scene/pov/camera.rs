@@ -19,6 +19,7 @@ struct Statement {
     sky: DVec3,
     look_at: Option<DVec3>,
     angle: Option<(f64, Position)>,
+    /// The file itself says how wide the picture is; `right` by `image_width` means square pixels.
     right_given: bool,
     transform: DAffine3,
 }
@@ -62,8 +63,10 @@ impl Parser {
             "up" => self.set(&mut camera.up),
             "sky" => self.set(&mut camera.sky),
             "right" => {
-                camera.right_given = true;
-                self.set(&mut camera.right)
+                self.image_size_used = false;
+                self.set(&mut camera.right)?;
+                camera.right_given = !self.image_size_used;
+                Ok(())
             }
             "look_at" => self.set(camera.look_at.insert(DVec3::ZERO)),
             "angle" => {
@@ -173,6 +176,13 @@ mod tests {
         close(c.right, DVec3::X);
         close(c.up, DVec3::Y);
         assert!(!c.square_pixels);
+    }
+
+    #[test]
+    fn right_by_the_picture_size_means_square_pixels() {
+        let c = camera("right x*image_width/image_height angle 90");
+        close(c.right, DVec3::X);
+        assert!(c.square_pixels);
     }
 
     #[test]

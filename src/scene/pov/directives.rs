@@ -8,16 +8,53 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 /// Passes through all loops of a scene; what needs more is taken for endless.
-pub(super) const MAX_PASSES: u32 = 1_000_000;
+pub(super) const MAX_PASSES: usize = 1_000_000;
+
+/// A longer body counts as several passes, so that the limit is one of time and memory.
+const BYTES_PER_PASS: usize = 32;
 
 /// Files within files.
 const MAX_INCLUDES: usize = 32;
 
 /// Words with a meaning of their own that no identifier may take.
-const RESERVED: [&str; 24] = [
-    "x", "y", "z", "u", "v", "t", "pi", "yes", "no", "on", "off", "true", "false", "clock", "version", "red",
-    "green", "blue", "filter", "transmit", "rgb", "rgbf", "rgbt", "rgbft",
+const RESERVED: [&str; 26] = [
+    "image_width",
+    "image_height",
+    "x",
+    "y",
+    "z",
+    "u",
+    "v",
+    "t",
+    "pi",
+    "yes",
+    "no",
+    "on",
+    "off",
+    "true",
+    "false",
+    "clock",
+    "version",
+    "red",
+    "green",
+    "blue",
+    "filter",
+    "transmit",
+    "rgb",
+    "rgbf",
+    "rgbt",
+    "rgbft",
 ];
+
+/// What stands in for POV-Ray's own `colors.inc` where the scene brings none: its plain colours.
+const COLOURS: &[u8] = b"
+    #declare White = rgb 1; #declare Black = rgb 0;
+    #declare Red = rgb <1,0,0>; #declare Green = rgb <0,1,0>; #declare Blue = rgb <0,0,1>;
+    #declare Yellow = rgb <1,1,0>; #declare Cyan = rgb <0,1,1>; #declare Magenta = rgb <1,0,1>;
+    #declare Gray10 = rgb 0.1; #declare Gray20 = rgb 0.2; #declare Gray25 = rgb 0.25; #declare Gray30 = rgb 0.3;
+    #declare Gray40 = rgb 0.4; #declare Gray50 = rgb 0.5; #declare Gray60 = rgb 0.6; #declare Gray70 = rgb 0.7;
+    #declare Gray75 = rgb 0.75; #declare Gray80 = rgb 0.8; #declare Gray90 = rgb 0.9;
+";
 
 /// A file that is being read.
 #[derive(Debug)]
@@ -168,7 +205,13 @@ impl Parser {
             return fault(at, format!("{} includes itself", path.display()));
         }
         match read_file(&path) {
-            Ok(text) => self.open_file(&path, &text),
+            Ok(text) => {
+                if self.frames.iter().any(|f| f.again.is_some()) {
+                    self.charge(text.len());
+                }
+                self.open_file(&path, &text);
+            }
+            Err(_) if name == "colors.inc" => self.open_file(Path::new("colors.inc"), COLOURS),
             Err(reason) => return fault(at, format!("cannot include {}: {reason}", path.display())),
         }
         Ok(())
@@ -221,19 +264,25 @@ impl Parser {
         }
     }
 
+    /// Goes back to a loop's condition.
     fn rewind(&mut self, lexer: Lexer) {
         if let Some(file) = self.files.last_mut() {
+            let body = file.lexer.bytes_since(&lexer);
             file.lexer = lexer;
+            self.charge(body);
         }
+    }
+
+    /// Counts text that a loop makes the parser read again.
+    fn charge(&mut self, bytes: usize) {
+        self.passes_left = self.passes_left.saturating_sub(bytes / BYTES_PER_PASS);
     }
 
     /// Tests the condition, behind which the body stands, and enters or leaves the loop.
     fn run_loop(&mut self, frame: Frame) -> Parsed<()> {
         if self.passes_left == 0 {
-            return fault(
-                frame.position,
-                format!("#while: the loop limit of {MAX_PASSES} passes is exceeded"),
-            );
+            let message = format!("#while: the loop limit of {MAX_PASSES} short passes is exceeded");
+            return fault(frame.position, message);
         }
         self.passes_left -= 1;
         if self.bracketed_condition()? {

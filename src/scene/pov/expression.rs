@@ -136,6 +136,7 @@ impl Parser {
     /// An identifier, a constant or a function.
     fn named(&mut self, word: &str) -> Parsed<Numbers> {
         if let Some(value) = constant(word) {
+            self.image_size_used |= matches!(word, "image_width" | "image_height");
             self.next()?;
             return Ok(value);
         }
@@ -241,6 +242,8 @@ fn constant(word: &str) -> Option<Numbers> {
         "yes" | "on" | "true" => Numbers::scalar(1.0),
         "no" | "off" | "false" | "clock" => Numbers::scalar(0.0),
         "version" => Numbers::scalar(3.7),
+        // Any square: the camera puts the picture's real shape in.
+        "image_width" | "image_height" => Numbers::scalar(512.0),
         _ => return None,
     })
 }

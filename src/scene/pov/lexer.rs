@@ -94,6 +94,11 @@ impl Lexer {
         Ok((token, start))
     }
 
+    /// How far this has come since the bookmark `earlier` in the same file.
+    pub fn bytes_since(&self, earlier: &Self) -> usize {
+        self.offset.saturating_sub(earlier.offset)
+    }
+
     fn byte(&self, ahead: usize) -> Option<u8> {
         self.text.get(self.offset + ahead).copied()
     }

@@ -15,7 +15,7 @@ struct Modifiers {
 
 impl Parser {
     /// The light source whose keyword comes next.
-    pub fn light_source(&mut self) -> Parsed<Option<PunctualLight<DVec3>>> {
+    pub fn light_source(&mut self) -> Parsed<PunctualLight<DVec3>> {
         let (_, at) = self.next()?;
         let mut light: Option<PunctualLight<DVec3>> = None;
         let mut modifiers = Modifiers::default();
@@ -30,7 +30,7 @@ impl Parser {
             *fade = fades.then_some((modifiers.fade_distance, modifiers.fade_power));
         }
         light.area = light.area.or(modifiers.area);
-        Ok(Some(light))
+        Ok(light)
     }
 
     /// Position and colour.

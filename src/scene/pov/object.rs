@@ -126,9 +126,7 @@ impl Parser {
             "mesh2" => self.shape("mesh2", at, Self::mesh2),
             "union" | "merge" => self.shape("union", at, Self::children),
             "object" => self.shape("object", at, Self::referred),
-            "light_source" => {
-                self.light_source().map(|l| Object { lights: l.into_iter().collect(), ..Object::default() })
-            }
+            "light_source" => self.light_source().map(|l| Object { lights: vec![l], ..Object::default() }),
             word if UNSUPPORTED.contains(&word) => fault(at, format!("`{word}` is not supported")),
             _ => return Ok(None),
         }?;

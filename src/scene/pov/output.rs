@@ -52,7 +52,8 @@ impl Output {
             let corner = |a: f64, b: f64| middle + (x * a + y * b) * half;
             let corners = [corner(-1., -1.), corner(1., -1.), corner(1., 1.), corner(-1., 1.)];
             for [i, j, k] in [[0, 1, 2], [0, 2, 3]] {
-                let _room = self.flat.push([corners[i], corners[j], corners[k]], None, material);
+                // A mesh that is full by now has been refused before.
+                self.flat.push([corners[i], corners[j], corners[k]], None, material);
             }
         }
     }

@@ -23,7 +23,7 @@ pub(super) struct Parser {
     /// Conditions and loops that are open.
     pub frames: Vec<Frame>,
     /// Passes through all loops that are still allowed.
-    pub passes_left: u32,
+    pub passes_left: usize,
     /// Identifiers: the global ones first, then those that are local to each open file.
     pub scopes: Vec<HashMap<String, Value>>,
     /// What objects look like that have no texture (`#default`).
@@ -32,6 +32,8 @@ pub(super) struct Parser {
     pub output: Output,
     /// Primitives that identifiers have been copied into.
     pub copies: usize,
+    /// An expression asked for the picture's size, which a scene cannot know.
+    pub image_size_used: bool,
     peeked: Option<(Token, Position)>,
     /// Leave directives in the stream: they end the value of the directive that is being read.
     hold: bool,
@@ -51,6 +53,7 @@ impl Parser {
             default_texture: Texture::default(),
             output: Output::default(),
             copies: 0,
+            image_size_used: false,
             peeked: None,
             hold: false,
             blocks: Vec::new(),
@@ -59,7 +62,15 @@ impl Parser {
     }
 
     /// The next token, left in the stream. Directives before it are carried out, unless they are held back.
+    #[inline]
     pub fn peek(&mut self) -> Parsed<&Token> {
+        if !self.settled() {
+            self.settle()?;
+        }
+        Ok(self.peeked.as_ref().map_or(&Token::End, |(token, _)| token))
+    }
+
+    fn settle(&mut self) -> Parsed<()> {
         while !self.settled() {
             match self.peeked.take() {
                 None => self.peeked = Some(self.raw()?),
@@ -67,7 +78,7 @@ impl Parser {
                 Some((_, at)) => self.close_file(at)?,
             }
         }
-        Ok(self.peeked.as_ref().map_or(&Token::End, |(token, _)| token))
+        Ok(())
     }
 
     /// Whether the look-ahead holds a token for statements: neither a directive nor the end of an included file.

@@ -105,6 +105,14 @@ fn finishes_become_albedo_emission_and_a_blinn_highlight() {
 }
 
 #[test]
+fn the_plain_colours_of_the_standard_include_are_known() {
+    let scene =
+        parse("#include \"colors.inc\" sphere { 0, 1 pigment { color Yellow * 0.5 } finish { diffuse 1 } }")
+            .unwrap();
+    assert_eq!(scene.materials[0].albedo.to_array(), [0.5, 0.5, 0.0]);
+}
+
+#[test]
 fn meshes_keep_textures_and_normals_of_single_triangles() {
     let scene = parse(
         "mesh { triangle { 0, x, y } triangle { 0, x, z texture { pigment { rgb <1,0,0> } } }

@@ -85,6 +85,9 @@ impl CpuGatherer {
             for face in 0..FACES {
                 let splat = FaceSplat::new(face, &projected, axes);
                 let half_extent = to_face(face, half_extent).abs();
+                if beside(splat.centre, half_extent, face == 0) {
+                    continue;
+                }
                 if let Some(pixels) = splat.pixel_box(half_extent, face == 0, self.settings.resolution) {
                     self.draw_splat(face, &splat, pixels, i as u32 + 1, ids[face], depths[face]);
                 }
@@ -125,6 +128,18 @@ impl CpuGatherer {
             }
         }
     }
+}
+
+/// Whether a box lies behind a face or well outside its view, so that no pixel can see it. A cheap first look: most surfels
+/// are on one or two of the five faces. The margin, half a pixel at the lowest resolution, outweighs all rounding.
+fn beside(centre: Vec3, half_extent: Vec3, top: bool) -> bool {
+    let far = centre.z + half_extent.z;
+    let reach = 1.25 * far;
+    let lowest = if top { -reach } else { -0.25 * far };
+    far <= 0.0
+        || centre.x.abs() - half_extent.x > reach
+        || centre.y - half_extent.y > reach
+        || centre.y + half_extent.y < lowest
 }
 
 /// Cuts a packed atlas into the layers of its faces.

@@ -61,13 +61,15 @@ void main() {
     float distance = ordered_dot(normal, centre);
     precise float top = centre.z + radius;
     precise float inverse = 1.0 / distance;
-    precise vec3 plane = normal * inverse;
 
     bool culled = (surfel_flags & FLAG_CULL_BACK) != 0u && (receiver_flags & RECEIVER_INSIDE) == 0u;
     bool visible = top > 0.0 && abs(distance) > PLANE_EPSILON && !(distance > 0.0 && culled);
 
+    // Turning to a face only swaps and negates, so that it may come before or after any product.
     vec3 face_centre = to_face(face, centre);
-    ivec4 box = pixel_box(face_centre, disc_half_extent(to_face(face, normal), radius), face);
+    vec3 face_normal = to_face(face, normal);
+    precise vec3 plane = face_normal * inverse;
+    ivec4 box = pixel_box(face_centre, disc_half_extent(face_normal, radius), face);
     ivec4 part = ivec4(tile_part);
     part.w = min(part.w, int(rows(face, RESOLUTION)));
     ivec2 low = max(box.xy, part.xy);
@@ -76,7 +78,7 @@ void main() {
 
     uvec2 origin = uvec2(tile_origin.x, face == 0u ? tile_origin.y : tile_origin.y / 2u);
     splat_centre_radius = vec4(face_centre, radius);
-    splat_plane = to_face(face, plane);
+    splat_plane = plane;
     splat_pixels = uvec4(uint(gl_VertexIndex) + 1u, pack(origin), pack(uvec2(low)), pack(uvec2(high)));
 #ifdef TRIANGLE
     splat_tangent = to_face(face, to_local(surfel_tangent));

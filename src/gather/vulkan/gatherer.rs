@@ -70,8 +70,7 @@ impl VulkanGatherer {
         check_resolution(settings.resolution)?;
         let log = ValidationLog::default();
         let context = Context::new(index, settings.validation.then_some(&log))?;
-        let resolution = settings.resolution;
-        let parts = tile_parts(resolution, context.limits.point_size_range[1] as u32);
+        let parts = tile_parts(settings.resolution, context.limits.point_size_range[1] as u32);
         let passes = passes(&context, shape, &settings)
             .map_err(|result| context.error("building the hemicube pipeline", result))?;
         let buffers = SplatBuffers::new(&context, splats, shape)

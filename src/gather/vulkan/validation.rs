@@ -46,3 +46,29 @@ unsafe extern "system" fn append(
     log.lock().unwrap_or_else(PoisonError::into_inner).push(message.to_string_lossy().into_owned());
     vk::FALSE
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gather::vulkan::context::Context;
+    use crate::gather::vulkan::list_devices;
+
+    /// Silence means something only if the layer would speak.
+    #[test]
+    fn forgotten_objects_are_reported_by_name() {
+        if list_devices().unwrap_or_default().iter().all(|device| device.unsuitable.is_some()) {
+            assert!(std::env::var_os("CI").is_none(), "no Vulkan device: install mesa-vulkan-drivers");
+            eprintln!("SKIPPED: no Vulkan device here (Debian and Ubuntu: mesa-vulkan-drivers)");
+            return;
+        }
+        let log = ValidationLog::default();
+        let context = Context::new(0, Some(&log)).unwrap();
+        let info = vk::BufferCreateInfo::default().size(4).usage(vk::BufferUsageFlags::TRANSFER_SRC);
+        // SAFETY: the device is alive. Forgetting the buffer is the point.
+        let buffer = unsafe { context.device.create_buffer(&info, None) }.unwrap();
+        context.name(buffer, "forgotten buffer");
+        drop(context);
+        let messages = log.messages();
+        assert!(messages.iter().any(|message| message.contains("forgotten buffer")), "{messages:?}");
+    }
+}

@@ -60,7 +60,7 @@ impl HemicubeInstance {
 
 /// Cuts a tile into parts, none of which is larger than the largest point.
 pub(super) fn tile_parts(resolution: u32, largest_point: u32) -> Vec<[u32; 4]> {
-    let count = resolution.div_ceil(largest_point);
+    let count = resolution.div_ceil(largest_point.max(1));
     let size = resolution.div_ceil(count);
     let span = |i: u32| (i * size, ((i + 1) * size).min(resolution));
     let cells = (0..count).flat_map(|y| (0..count).map(move |x| (span(x), span(y))));

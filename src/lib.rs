@@ -4,6 +4,7 @@
 //! hemicube; the weighted sum of its pixels is the irradiance there. See ARCHITECTURE.md for the way through the program.
 
 pub mod accel;
+pub mod atomic_file;
 pub mod error;
 pub mod gather;
 pub mod hemicube;

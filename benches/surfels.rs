@@ -13,14 +13,21 @@ use surflux::surfel::generate::{Density, GenerateSettings, generate};
 fn main() {
     let given: Vec<u64> = std::env::args().skip(1).filter_map(|a| a.parse().ok()).collect();
     let counts = if given.is_empty() { vec![54_000, 1_000_000] } else { given };
-    println!("| scene | wanted | shape | surfels | seconds | covered % | radius / sqrt(area): mean | 5 % | 95 % |");
+    println!(
+        "| scene | wanted | shape | surfels | seconds | covered % | radius / sqrt(area): mean | 5 % | 95 % |"
+    );
     println!("|---|---|---|---|---|---|---|---|---|");
     for &count in &counts {
         for shape in [SurfelShape::Disc, SurfelShape::Triangle] {
             row("room", scenes::room(), count, shape);
         }
         row("mesh of 320 000 triangles", vec![scenes::round_mesh(200)], count, SurfelShape::Disc);
-        row("ellipsoid", vec![scenes::ellipsoid([1.0, 2.0, 3.0].into(), glam::DVec3::ZERO)], count, SurfelShape::Disc);
+        row(
+            "ellipsoid",
+            vec![scenes::ellipsoid([1.0, 2.0, 3.0].into(), glam::DVec3::ZERO)],
+            count,
+            SurfelShape::Disc,
+        );
     }
 }
 

@@ -191,7 +191,13 @@ fn components(scene: &Scene) -> (Vec<Component>, Vec<u32>) {
 
 impl Component {
     fn new() -> Self {
-        Self { triangles: Vec::new(), low: Vec3::INFINITY, high: Vec3::NEG_INFINITY, watertight: true, volume: 0.0 }
+        Self {
+            triangles: Vec::new(),
+            low: Vec3::INFINITY,
+            high: Vec3::NEG_INFINITY,
+            watertight: true,
+            volume: 0.0,
+        }
     }
 
     fn add(&mut self, triangle: u32, corners: &[Vec3; 3]) {
@@ -211,7 +217,9 @@ impl Component {
     }
 
     fn two_sided(&self, scene: &Scene) -> bool {
-        self.triangles.iter().any(|&t| scene.materials[scene.triangle_materials[t as usize] as usize].two_sided)
+        self.triangles
+            .iter()
+            .any(|&t| scene.materials[scene.triangle_materials[t as usize] as usize].two_sided)
     }
 
     /// Whether rays from the back all end on that back, or on anything else within the component's box.

@@ -26,7 +26,7 @@ pub struct Element {
 
 #[derive(Debug)]
 enum Form {
-    /// Corner and edge vectors of half a parallelogram.
+    /// A corner, an edge from it and the edge opposite, the shortest: needles are sampled along their length.
     Triangle { apex: Vec3, to_base: Vec3, base: Vec3 },
     /// Corner and edge vectors.
     Parallelogram { corner: Vec3, across: Vec3, along: Vec3 },
@@ -35,20 +35,21 @@ enum Form {
 }
 
 impl Element {
-    /// A triangle of the scene. Its apex is opposite the shortest side, so that a needle is sampled along its length.
-    pub fn triangle(scene: &Scene, triangle: u32, mirrored: bool) -> Self {
+    /// A triangle of the scene, in one or two parts; `mirrored` when it is wound against its patch.
+    pub fn triangle(scene: &Scene, triangle: u32, mirrored: bool) -> impl Iterator<Item = Self> {
         let corners = scene.triangles[triangle as usize];
-        let side = |i: usize| corners[(i + 1) % 3].distance_squared(corners[(i + 2) % 3]);
-        let apex = (0..3).min_by(|&i, &j| side(i).total_cmp(&side(j))).unwrap_or(0);
-        let [a, b, c] = [0, 1, 2].map(|i| corners[(apex + i) % 3]);
         let normal = triangle_normal(&corners);
-        Self {
-            form: Form::Triangle { apex: a, to_base: b - a, base: c - b },
-            primitive: triangle,
-            area: triangle_area(&corners) as f32,
-            normal,
-            side: if mirrored { -normal } else { normal },
-        }
+        let side = if mirrored { -normal } else { normal };
+        needles(corners).map(move |part| {
+            let [apex, b, c] = from_apex(part, |own, other| own < other);
+            Self {
+                form: Form::Triangle { apex, to_base: b - apex, base: c - b },
+                primitive: triangle,
+                area: triangle_area(&part) as f32,
+                normal,
+                side,
+            }
+        })
     }
 
     /// A face of a cuboid; see [`face_axes`].
@@ -59,7 +60,11 @@ impl Element {
         let turned = across.as_dvec3().cross(along.as_dvec3());
         let normal = turned.normalize_or_zero().as_vec3();
         Self {
-            form: Form::Parallelogram { corner: centre - across - along, across: across * 2.0, along: along * 2.0 },
+            form: Form::Parallelogram {
+                corner: centre - across - along,
+                across: across * 2.0,
+                along: along * 2.0,
+            },
             primitive: (scene.triangles.len() + scene.spheres.len() + cuboid) as u32,
             area: 4.0 * turned.length() as f32,
             normal,
@@ -114,6 +119,35 @@ impl Element {
     }
 }
 
+/// Cosine of the angle from which on a triangle is cut: 135 degrees.
+const OBTUSE: f32 = -0.7;
+
+/// Cuts a very obtuse triangle in two at its altitude. Either half is long with a narrow end, which can be sampled evenly
+/// along its length; the whole is pointed at both ends, which cannot.
+fn needles(corners: [Vec3; 3]) -> impl Iterator<Item = [Vec3; 3]> {
+    let [a, b, c] = from_apex(corners, |own, other| own > other);
+    let (to_b, to_c, base) = (b - a, c - a, c - b);
+    let halves = if to_b.dot(to_c) < OBTUSE * to_b.length() * to_c.length() {
+        let foot = b - base * (to_b.dot(base) / base.length_squared());
+        [Some([a, b, foot]), Some([a, foot, c])]
+    } else {
+        [Some(corners), None]
+    };
+    halves.into_iter().flatten()
+}
+
+/// The corners in their order from the one whose opposite side is before all others.
+fn from_apex(corners: [Vec3; 3], before: impl Fn(f32, f32) -> bool) -> [Vec3; 3] {
+    let side = |i: usize| corners[(i + 1) % 3].distance_squared(corners[(i + 2) % 3]);
+    let mut apex = 0;
+    for i in 1..3 {
+        if before(side(i), side(apex)) {
+            apex = i;
+        }
+    }
+    [0, 1, 2].map(|i| corners[(apex + i) % 3])
+}
+
 /// Unit normal of a triangle's front, in f64 inside: thin triangles keep their direction.
 pub fn triangle_normal(corners: &[Vec3; 3]) -> Vec3 {
     doubled(corners).normalize_or_zero().as_vec3()
@@ -137,7 +171,11 @@ pub fn face_axes(quadric: &Quadric, face: usize) -> [Vec3; 3] {
     let axis = face / 2;
     let [out, across, along] = [axes[axis], axes[(axis + 1) % 3], axes[(axis + 2) % 3]];
     let outwards = if face.is_multiple_of(2) { out } else { -out };
-    if across.cross(along).dot(outwards) < 0.0 { [outwards, along, across] } else { [outwards, across, along] }
+    if across.cross(along).dot(outwards) < 0.0 {
+        [outwards, along, across]
+    } else {
+        [outwards, across, along]
+    }
 }
 
 /// Area of a cuboid.
@@ -154,7 +192,8 @@ pub fn sphere_area(quadric: &Quadric) -> f64 {
     let cofactors = cofactors(quadric);
     let [x, y, z] = [cofactors.x_axis, cofactors.y_axis, cofactors.z_axis];
     let oblique = x.dot(y).abs().max(y.dot(z).abs()).max(z.dot(x).abs());
-    let uneven = (x.length_squared() - y.length_squared()).abs().max((y.length_squared() - z.length_squared()).abs());
+    let uneven =
+        (x.length_squared() - y.length_squared()).abs().max((y.length_squared() - z.length_squared()).abs());
     if oblique.max(uneven) <= 1e-5 * x.length_squared() {
         return 4.0 * std::f64::consts::PI * f64::from(x.length());
     }

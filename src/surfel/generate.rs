@@ -81,7 +81,7 @@ impl Plan {
     fn new(scene: &Scene, density: Density) -> Result<Self> {
         let surfel_area = match density {
             Density::Count(n) => Some(total_area(scene) / n as f64),
-            Density::Spacing(d) => Some(f64::from(d) * f64::from(d)),
+            Density::Spacing(d) => Some(f64::from(d) * f64::from(d.max(0.0))),
             Density::PerPrimitive(_) => None,
         };
         if density == Density::PerPrimitive(0) || surfel_area.is_some_and(|a| !(a > 0.0 && a.is_finite())) {
@@ -176,7 +176,8 @@ fn cover(scene: &Scene, patch: &Patch, count: usize, shape: SurfelShape, rng: &m
         chosen.iter().map(|&c| element(c).normal_at(scene, points[c as usize].0)).collect();
     let centres = Centres::new(&surfels);
     let owners = centres.owners(&points);
-    let measure = Measure { points: &points, counted: samples.len(), owners: &owners, area: patch.area, shape };
+    let measure =
+        Measure { points: &points, counted: samples.len(), owners: &owners, area: patch.area, shape };
     let shares = measure.shares(&surfels, &normals, &centres);
     (0..chosen.len())
         .filter(|&i| shares[i].fraction > 0.0)

@@ -59,7 +59,9 @@ impl Patch {
     /// Its parts, each easy to sample. Curved parts are cut into about `samples` pieces.
     pub fn elements(&self, scene: &Scene, samples: usize) -> Vec<Element> {
         match &self.members {
-            Members::Triangles(list) => list.iter().map(|&(t, m)| Element::triangle(scene, t, m)).collect(),
+            Members::Triangles(list) => {
+                list.iter().flat_map(|&(t, m)| Element::triangle(scene, t, m)).collect()
+            }
             Members::Sphere(i) => element::sphere(scene, *i, samples),
             Members::Face(i, face) => vec![Element::face(scene, *i, *face)],
         }

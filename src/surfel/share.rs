@@ -61,6 +61,20 @@ impl Centres {
         owners
     }
 
+    /// Halfway to the two nearest neighbours of a centre: its cell goes as far, even if too few samples tell.
+    fn midpoints(&self, index: u32, centre: (Vec3, Vec3), frame: &Frame) -> impl Iterator<Item = Vec2> {
+        let beside = |other: usize| {
+            let alike = |slot: usize| self.sides[slot].dot(centre.1) > ALIKE;
+            self.tree.nearest(centre.0, usize::MAX, |slot| {
+                slot != other && self.tree.order[slot] != index && alike(slot)
+            })
+        };
+        let first = beside(usize::MAX);
+        let second = first.and_then(beside);
+        let halfway = move |slot: usize| flatten(frame, (self.tree.points[slot] - centre.0) * 0.5);
+        first.into_iter().chain(second).map(halfway)
+    }
+
     /// Corners of the Voronoi cell of a centre in the plane of `frame`, as far as it lies within a square of half-width
     /// `cap`. Neighbours on a curved surface count as if they had been turned into that plane.
     fn cell(&self, centre: (Vec3, Vec3), frame: &Frame, cap: f32) -> Vec<Vec2> {
@@ -139,33 +153,58 @@ impl Measure<'_> {
     pub fn shares(&self, surfels: &[(Vec3, Vec3)], normals: &[Vec3], centres: &Centres) -> Vec<Share> {
         let frames: Vec<Frame> = normals.iter().map(|&normal| Frame::from_normal(normal)).collect();
         let cells = self.sampled_cells(surfels, &frames);
-        let margin = BEYOND_SAMPLES * (self.area / self.counted as f64).sqrt() as f32;
+        let spacing = (self.area / self.counted as f64).sqrt() as f32;
         (cells, surfels, &frames)
             .into_par_iter()
+            .enumerate()
             .with_min_len(PARALLEL)
-            .map(|((count, furthest, widest), &surfel, frame)| {
-                let cell = centres.cell(surfel, frame, furthest + margin);
-                let cap = widest + margin * widest / furthest.max(f32::MIN_POSITIVE);
-                let needed = cell.into_iter().map(|corner| size(self.shape, corner)).fold(0.0, f32::max);
-                let fraction = count as f32 / self.counted as f32;
+            .map(|(i, (known, &surfel, frame))| {
+                let cell = known.including(centres.midpoints(i as u32, surfel, frame), self.shape);
+                let margin = BEYOND_SAMPLES * cell.spacing().max(spacing);
+                let corners = centres.cell(surfel, frame, cell.furthest + margin);
+                let needed = corners.into_iter().map(|corner| size(self.shape, corner)).fold(0.0, f32::max);
+                let most = cell.widest * (1.0 + margin / cell.furthest.max(f32::MIN_POSITIVE));
+                let fraction = cell.samples as f32 / self.counted as f32;
                 let least = of_area(fraction * self.area as f32, self.shape);
-                Share { fraction, radius: (needed.clamp(widest, cap) * OVERLAP).max(least) }
+                Share { fraction, radius: (needed.clamp(cell.widest, most) * OVERLAP).max(least) }
             })
             .collect()
     }
 
-    /// Of each cell: samples, distance of the furthest point, size of the surfel that reaches all points.
-    fn sampled_cells(&self, surfels: &[(Vec3, Vec3)], frames: &[Frame]) -> Vec<(u32, f32, f32)> {
-        let mut cells = vec![(0, 0f32, 0f32); surfels.len()];
+    fn sampled_cells(&self, surfels: &[(Vec3, Vec3)], frames: &[Frame]) -> Vec<Cell> {
+        let mut cells = vec![Cell::default(); surfels.len()];
         for (i, (&(position, _), &owner)) in self.points.iter().zip(self.owners).enumerate() {
             let owner = owner as usize;
-            let (count, furthest, widest) = &mut cells[owner];
             let offset = flatten(&frames[owner], position - surfels[owner].0);
-            *count += u32::from(i < self.counted);
-            *furthest = furthest.max(offset.length());
-            *widest = widest.max(size(self.shape, offset));
+            cells[owner] = cells[owner].including(Some(offset), self.shape);
+            cells[owner].samples += u32::from(i < self.counted);
         }
         cells
+    }
+}
+
+/// What is known of a Voronoi cell from points within it.
+#[derive(Debug, Clone, Copy, Default)]
+struct Cell {
+    samples: u32,
+    /// Distance of the furthest point.
+    furthest: f32,
+    /// Size of the surfel that reaches all points.
+    widest: f32,
+}
+
+impl Cell {
+    fn including(mut self, offsets: impl IntoIterator<Item = Vec2>, shape: SurfelShape) -> Self {
+        for offset in offsets {
+            self.furthest = self.furthest.max(offset.length());
+            self.widest = self.widest.max(size(shape, offset));
+        }
+        self
+    }
+
+    /// Distance between its samples if it is a strip: they lie in a row then, further apart than on a square.
+    fn spacing(&self) -> f32 {
+        2.0 * self.furthest / self.samples.max(1) as f32
     }
 }
 
@@ -203,7 +242,8 @@ mod tests {
 
     #[test]
     fn triangles_reach_their_corners_and_edges() {
-        let at = |degrees: f32, r: f32| size(SurfelShape::Triangle, Vec2::from_angle(degrees.to_radians()) * r);
+        let at =
+            |degrees: f32, r: f32| size(SurfelShape::Triangle, Vec2::from_angle(degrees.to_radians()) * r);
         for corner in [0.0, 120.0, 240.0] {
             assert!((at(corner, 1.0) - 1.0).abs() < 1e-6);
         }
@@ -230,7 +270,7 @@ mod tests {
             Measure { points: &points, counted: 10, owners: &owners, area: 1.0, shape: SurfelShape::Disc };
         let shares = measure.shares(&surfels, &[Vec3::Z; 2], &centres);
         assert_eq!(shares.iter().map(|s| s.fraction).sum::<f32>(), 1.0);
-        assert!(shares.iter().all(|s| s.radius >= 2.0 && s.radius < 2.5), "{shares:?}");
+        assert!(shares.iter().all(|s| s.radius >= 2.5 && s.radius < 3.5), "{shares:?}");
     }
 
     #[test]

@@ -28,9 +28,14 @@ impl Edges {
             .chunks_exact(3)
             .zip(0..)
             .flat_map(|(v, triangle)| {
-                [[v[0], v[1]], [v[1], v[2]], [v[2], v[0]]].into_iter().zip(0..).map(move |([from, to], side)| {
-                    EdgeUse { vertices: [from.min(to), from.max(to)], triangle, side, forward: from < to }
-                })
+                [[v[0], v[1]], [v[1], v[2]], [v[2], v[0]]].into_iter().zip(0..).map(
+                    move |([from, to], side)| EdgeUse {
+                        vertices: [from.min(to), from.max(to)],
+                        triangle,
+                        side,
+                        forward: from < to,
+                    },
+                )
             })
             .filter(|edge| edge.vertices[0] != edge.vertices[1])
             .collect();
@@ -48,7 +53,8 @@ impl Edges {
 fn weld(triangles: &[[Vec3; 3]]) -> Vec<u32> {
     // Adding zero turns -0.0 into 0.0.
     let bits = |p: Vec3| (p + Vec3::ZERO).to_array().map(f32::to_bits);
-    let mut corners: Vec<([u32; 3], u32)> = triangles.as_flattened().iter().map(|&p| bits(p)).zip(0..).collect();
+    let mut corners: Vec<([u32; 3], u32)> =
+        triangles.as_flattened().iter().map(|&p| bits(p)).zip(0..).collect();
     corners.par_sort_unstable();
     let mut ids = vec![0; corners.len()];
     for (id, same) in (0..).zip(corners.chunk_by(|a, b| a.0 == b.0)) {

@@ -32,7 +32,8 @@ pub fn mesh(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>, material: u32) -> S
 
 /// Quadrilaterals of one material, each as two triangles with vertices of its own.
 pub fn quads(quads: &[[DVec3; 4]], material: u32) -> Shape {
-    let triangles = (0..quads.len() as u32).flat_map(|q| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|i| 4 * q + i)));
+    let triangles =
+        (0..quads.len() as u32).flat_map(|q| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|i| 4 * q + i)));
     mesh(quads.as_flattened().to_vec(), triangles.collect(), material)
 }
 
@@ -83,7 +84,8 @@ pub fn round_mesh(n: u32) -> Shape {
             positions.push(p);
             positions.len() as u32 - 1
         };
-        let mut push = |t: [u32; 3]| triangles.push(if signs.element_product() > 0.0 { t } else { [t[0], t[2], t[1]] });
+        let mut push =
+            |t: [u32; 3]| triangles.push(if signs.element_product() > 0.0 { t } else { [t[0], t[2], t[1]] });
         for i in 0..n {
             for j in 0..n - i {
                 push([vertex(i, j), vertex(i + 1, j), vertex(i, j + 1)]);
@@ -168,7 +170,10 @@ fn random_point(scene: &Scene, primitive: u32, rng: &mut Rng) -> (Vec3, Vec3) {
         Located::Triangle(i) => {
             let [a, b, c] = scene.triangles[i];
             let u = uniform_triangle(rng.unit2());
-            (a + (b - a) * u.x + (c - a) * u.y, (b - a).as_dvec3().cross((c - a).as_dvec3()).normalize().as_vec3())
+            (
+                a + (b - a) * u.x + (c - a) * u.y,
+                (b - a).as_dvec3().cross((c - a).as_dvec3()).normalize().as_vec3(),
+            )
         }
         Located::Sphere(i) => {
             let quadric = &scene.spheres[i];
@@ -191,7 +196,13 @@ fn random_on_cuboid(quadric: &Quadric, rng: &mut Rng) -> (Vec3, Vec3) {
     let axes = [m.x_axis, m.y_axis, m.z_axis].map(Vec3::from);
     let areas = [0, 1, 2].map(|i| axes[(i + 1) % 3].cross(axes[(i + 2) % 3]).length());
     let pick = rng.unit() * areas.iter().sum::<f32>();
-    let axis = if pick < areas[0] { 0 } else if pick < areas[0] + areas[1] { 1 } else { 2 };
+    let axis = if pick < areas[0] {
+        0
+    } else if pick < areas[0] + areas[1] {
+        1
+    } else {
+        2
+    };
     let sign = if rng.unit() < 0.5 { 1.0 } else { -1.0 };
     let u = rng.unit2() * 2.0 - Vec2::ONE;
     let mut p = Vec3::ZERO;

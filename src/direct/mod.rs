@@ -12,7 +12,7 @@ mod patch;
 mod polygon;
 mod punctual;
 mod round;
-mod sequence;
+pub(crate) mod sequence;
 mod shadow;
 mod view;
 
@@ -37,6 +37,16 @@ pub const EXACT_LIMIT: usize = 256;
 
 /// Lights that are given shadow rays of their own; the lights of a scene with more share one set.
 pub const OWN_RAYS_LIMIT: usize = 32;
+
+/// How light straight from emissive surfaces is found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Emitters {
+    /// As direct light, with shadow rays. Gathers see reflected light only; emitters are black to them.
+    #[default]
+    Sample,
+    /// By gathering: gathers see emitted light, and nothing is sampled (lights without a surface are then not seen at all).
+    Gather,
+}
 
 /// A surface point that receives light, scene space.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,5 +1,7 @@
 //! Gathering irradiance: one trait, several methods.
 
+pub mod monte_carlo;
+
 use crate::error::Result;
 use crate::hemicube::atlas::IdAtlas;
 use crate::hemicube::frame::Receiver;

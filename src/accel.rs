@@ -18,6 +18,12 @@ pub const RAY_OFFSET: f32 = 5e-7;
 /// Barycentric slack of the triangle test: neighbours overlap by this instead of leaving a crack.
 const EDGE_SLACK: f32 = 2e-7;
 
+/// Factor of directions within obvhs; a power of two rounds nothing.
+const SHORTEN: f32 = 1.0 / 65_536.0;
+
+/// Shortened direction along an axis below which its inverse is bounded, so that products with lengths stay finite.
+const SMALLEST: f32 = 1e-18;
+
 /// Where a ray first meets a surface.
 #[derive(Debug, Clone, Copy)]
 pub struct Hit {
@@ -121,7 +127,7 @@ impl Accel {
         }
     }
 
-    /// Position and normals of a hit that traversal found.
+    /// Position and normals of a hit that traversal found at distance `t` along the shortened ray.
     fn complete(&self, ray: &Ray, leaf: usize, t: f32) -> Hit {
         let primitive = self.leaves[leaf];
         let along = ray.origin + ray.direction * t;
@@ -140,7 +146,7 @@ impl Accel {
         let material = self.scene.primitive_material(primitive);
         let shading_normal = if shading.dot(normal) > 0.0 { shading } else { normal };
         Hit {
-            t,
+            t: t * SHORTEN,
             position: position.into(),
             normal: normal.into(),
             shading_normal: shading_normal.into(),
@@ -162,10 +168,16 @@ impl Accel {
     }
 }
 
-/// A ray as obvhs 0.4 can follow it: a direction of -0.0 along an axis makes its box test swap near and far and miss
-/// everything, so zeros are made positive.
+/// A ray as obvhs 0.4 can follow it, with its direction shortened by [`SHORTEN`] and its distances lengthened as much.
+///
+/// Its box test passes over boxes that end before t = 1e-4, so that unshortened rays would miss what is close. Where the
+/// direction is -0.0 it swaps near and far and misses everything, so zeros are made positive. Its own inverse of the
+/// direction gives up below 1e-7, hence this one.
 fn ray(origin: Vec3, direction: Vec3, tmax: f32) -> Ray {
-    Ray::new(origin.into(), (direction + Vec3::ZERO).into(), 0.0, tmax)
+    let direction = Vec3A::from(direction * SHORTEN) + Vec3A::ZERO;
+    let inverse = |d: f32| if d.abs() < SMALLEST { d.signum() / SMALLEST } else { 1.0 / d };
+    let inv_direction = Vec3A::new(inverse(direction.x), inverse(direction.y), inverse(direction.z));
+    Ray { origin: origin.into(), direction, inv_direction, tmin: 0.0, tmax: tmax / SHORTEN }
 }
 
 /// Moves a surface point to the side that `direction` leaves for, along the geometric normal.
@@ -326,20 +338,45 @@ pub fn cluster(boxes: &[(Vec3, Vec3)]) -> ClusterTree {
 mod tests {
     use super::*;
     use crate::scene::{Material, SceneDescription, Shape};
-    use glam::DAffine3;
+    use glam::{DAffine3, DVec3};
+
+    fn accel(shape: Shape) -> Accel {
+        let materials = vec![Material::default()];
+        let description = SceneDescription { shapes: vec![shape], materials, ..SceneDescription::default() };
+        Accel::new(Arc::new(Scene::new(&description).expect("has an area")))
+    }
 
     #[test]
     fn rays_along_an_axis_hit_whatever_the_signs_of_their_zeros() {
-        let sphere = Shape::Sphere { transform: DAffine3::IDENTITY, material: 0 };
-        let description = SceneDescription {
-            shapes: vec![sphere],
-            materials: vec![Material::default()],
-            ..SceneDescription::default()
-        };
-        let accel = Accel::new(Arc::new(Scene::new(&description).expect("has an area")));
+        let accel = accel(Shape::Sphere { transform: DAffine3::IDENTITY, material: 0 });
         for direction in [Vec3::new(-0.0, -0.0, -1.0), Vec3::new(0.0, -0.0, -1.0), Vec3::NEG_Z] {
             assert!(accel.closest_hit(Vec3::Z, direction, f32::INFINITY).is_some(), "{direction:?}");
             assert!(accel.occluded(Vec3::Z, direction, f32::INFINITY), "{direction:?}");
+        }
+    }
+
+    #[test]
+    fn surfaces_are_hit_at_any_distance() {
+        let floor = Shape::Mesh {
+            positions: vec![
+                DVec3::new(-1.0, -1.0, 0.0),
+                DVec3::new(1.0, -1.0, 0.0),
+                DVec3::new(0.0, 1.0, 0.0),
+            ],
+            triangles: vec![[0, 1, 2]],
+            normals: Vec::new(),
+            materials: vec![0],
+        };
+        let accel = accel(floor);
+        for height in [1e-6, 1e-5, 1e-4, 1e-3, 0.1, 1.0, 100.0] {
+            let origin = Vec3::new(0.01, 0.02, height);
+            for direction in [Vec3::NEG_Z, Vec3::new(0.001, -0.002, -1.0), Vec3::NEG_Z * 1e-3] {
+                let hit = accel.closest_hit(origin, direction, f32::INFINITY).expect("the floor is below");
+                let expected = height / -direction.z;
+                assert!((hit.t / expected - 1.0).abs() < 1e-5, "{} for {expected}", hit.t);
+                assert!(accel.segment_occluded(origin, origin + direction * 2.0 * expected));
+                assert!(!accel.segment_occluded(origin, origin + direction * 0.5 * expected));
+            }
         }
     }
 }

@@ -129,5 +129,5 @@ fn batch(size: usize, first: usize) -> Batch {
         let (position, normal) = wall(&mut rng);
         Receiver { position, normal, seed: (first + i) as u32, flags: 0 }
     };
-    Batch { first, receivers: (0..size).map(receiver).collect() }
+    Batch { first, receivers: (0..size).map(receiver).collect(), ..Batch::default() }
 }

@@ -93,7 +93,7 @@ fn tiles(gatherer: &mut dyn Gatherer, receivers: &[Receiver], batch: usize) -> V
             collect(gatherer, &mut tiles);
             under_way -= 1;
         }
-        gatherer.submit(Batch { first: i * batch, receivers: chunk.to_vec() }).unwrap();
+        gatherer.submit(Batch { first: i * batch, receivers: chunk.to_vec(), ..Batch::default() }).unwrap();
         under_way += 1;
     }
     while collect(gatherer, &mut tiles) {}
@@ -214,7 +214,7 @@ fn triangles_are_valid_too_and_so_are_batches_left_under_way() {
     let settings = VulkanSettings { validation: true, ..Default::default() };
     let mut vulkan = VulkanGatherer::new(device, &splats, SurfelShape::Triangle, settings).unwrap();
     for first in [0, 50] {
-        vulkan.submit(Batch { first, receivers: receivers(50, 2) }).unwrap();
+        vulkan.submit(Batch { first, receivers: receivers(50, 2), ..Batch::default() }).unwrap();
     }
     let log = vulkan.validation_log();
     drop(vulkan);

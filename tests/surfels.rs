@@ -21,7 +21,7 @@ fn settings(count: u64) -> GenerateSettings {
 }
 
 fn cloud_of(accel: &Accel, settings: &GenerateSettings) -> SurfelCloud {
-    generate(accel.scene(), accel, settings).unwrap()
+    generate(accel.scene(), accel, settings).expect("a sensible density")
 }
 
 fn all_scenes() -> Vec<(&'static str, Vec<Shape>)> {
@@ -302,7 +302,7 @@ fn written(folder: &tempfile::TempDir) -> (Accel, SurfelCloud, std::path::PathBu
     cloud.radiance.iter_mut().enumerate().for_each(|(i, c)| *c = Vec3::splat(i as f32));
     cloud.back_radiance.iter_mut().enumerate().for_each(|(i, c)| *c = Vec3::new(1.0, 0.0, i as f32));
     let path = folder.path().join("cloud.sfx");
-    file::write(&path, &cloud, accel.scene()).unwrap();
+    file::write(&path, &cloud, accel.scene()).expect("a writable folder");
     (accel, cloud, path)
 }
 

@@ -34,11 +34,12 @@ const DIRECTIONS: [Vec3; 3] = [
 /// Which primitives' backs are culled, and who must not rely on it.
 #[derive(Debug, Default)]
 pub struct ClosedTest {
-    /// Closed surface of each primitive, or [`OPEN`]; empty when there is none.
+    /// Closed surface of each primitive, or `OPEN`; empty when there is none.
     surface: Vec<u32>,
     /// Whether each closed surface faces inwards, as a room does.
     inward: Vec<bool>,
-    any_inward: bool,
+    /// How many do.
+    rooms: usize,
     /// Cells of the scene's cube that a closed surface's box touches.
     occupied: Vec<bool>,
 }
@@ -85,7 +86,7 @@ impl ClosedTest {
             let centre = Vec3::from(quadric.to_scene.translation);
             test.surface[scene.triangles.len() + i] = test.add(centre - extent, centre + extent, false);
         }
-        test.any_inward = test.inward.contains(&true);
+        test.rooms = test.inward.iter().filter(|&&inward| inward).count();
         test
     }
 
@@ -97,7 +98,7 @@ impl ClosedTest {
     /// Whether some culled surface can be seen from behind by a receiver at `point` that faces along `normal`: it stands
     /// inside a surface that faces outwards, or outside one that faces inwards.
     pub fn receiver_inside(&self, accel: &Accel, point: Vec3, normal: Vec3) -> bool {
-        if self.inward.is_empty() || (!self.any_inward && !self.occupied[cell(point)]) {
+        if self.inward.is_empty() || (self.rooms == 0 && !self.occupied[cell(point)]) {
             return false;
         }
         let frame = Frame::from_normal(normal);
@@ -112,7 +113,7 @@ impl ClosedTest {
         let mut origin = offset_origin(point, normal, direction);
         for _ in 0..CROSSINGS {
             let Some(hit) = accel.closest_hit(origin, direction, f32::INFINITY) else {
-                return self.any_inward_outside(&left)
+                return self.outside_a_room(&left)
                     || left.iter().any(|&(s, n)| n > 0 && !self.inward[s as usize]);
             };
             let surface = self.surface[hit.primitive as usize];
@@ -128,10 +129,10 @@ impl ClosedTest {
         true
     }
 
-    /// From within a surface that faces inwards, a ray meets one more front than backs.
-    fn any_inward_outside(&self, left: &[(u32, i32)]) -> bool {
+    /// Whether a ray that crossed surfaces so often began outside a room: from within, it meets one more front than backs.
+    fn outside_a_room(&self, left: &[(u32, i32)]) -> bool {
         let within = left.iter().filter(|&&(s, n)| n < 0 && self.inward[s as usize]).count();
-        self.any_inward && within < self.inward.iter().filter(|&&inward| inward).count()
+        within < self.rooms
     }
 
     /// Registers a closed surface within a box.

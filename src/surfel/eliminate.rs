@@ -6,6 +6,7 @@ use super::patch::ALIKE;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::BinaryHeap;
+use std::collections::binary_heap::PeekMut;
 
 /// Yuksel's exponent of the weight.
 const ALPHA: i32 = 8;
@@ -78,7 +79,7 @@ impl Crowd {
         sum
     }
 
-    /// Weights only ever fall, so an entry of the heap that is out of date is put back when it comes to the top instead of
+    /// Weights only ever fall, so an entry of the heap that is out of date is set right when it comes to the top instead of
     /// being moved at every change.
     fn thin_out(&self, keep: usize) -> Vec<u32> {
         let count = self.sides.len();
@@ -88,12 +89,14 @@ impl Crowd {
         let mut alive = vec![true; count];
         let mut left = count;
         while left > keep {
-            let Some(top) = heap.pop() else { break };
-            let slot = slot_of(top);
-            if entry(weights[slot], slot) != top {
-                heap.push(entry(weights[slot], slot));
+            let Some(mut top) = heap.peek_mut() else { break };
+            let slot = slot_of(*top);
+            let current = entry(weights[slot], slot);
+            if *top != current {
+                *top = current;
                 continue;
             }
+            PeekMut::pop(top);
             alive[slot] = false;
             left -= 1;
             self.neighbours(slot, |other, weight| weights[other] = (weights[other] - weight).max(0.0));

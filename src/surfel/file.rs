@@ -1,6 +1,6 @@
 //! The `.sfx` file: a surfel cloud as it lies in memory.
 //!
-//! Little-endian. A header of 320 bytes, then one array a field in the order of [`FIELDS`], each starting at a multiple of
+//! Little-endian. A header of 320 bytes, then one array a field in the order of `FIELDS`, each starting at a multiple of
 //! 64 bytes, zeros between them. The header (offsets in bytes):
 //!
 //! | at | type | what |

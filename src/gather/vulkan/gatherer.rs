@@ -3,6 +3,7 @@
 use super::buffers::Buffer;
 use super::context::{Context, out_of_memory};
 use super::devices::DeviceInfo;
+use super::draws::{Draws, splats_drawn};
 use super::pace::Pace;
 use super::pass::{Pass, passes};
 use super::record::{Drawing, record};
@@ -49,6 +50,8 @@ struct Job {
     batch: Batch,
     atlas: IdAtlas,
     pending: usize,
+    /// Surfels that a hemicube draws on average.
+    splats: f64,
 }
 
 /// A submit under way.
@@ -83,7 +86,7 @@ impl VulkanGatherer {
         };
         Ok(Self {
             settings,
-            pace: Pace::new(largest.capacity(), buffers.count, target),
+            pace: Pace::new(largest.capacity(), target),
             largest,
             parts,
             stats: GatherStats::default(),
@@ -114,9 +117,9 @@ impl VulkanGatherer {
         self.log.clone()
     }
 
-    /// The layout of a batch's atlas.
-    fn layout(&self, hemicubes: usize) -> AtlasLayout {
-        let columns = (self.largest.columns as usize).min(self.pace.limit()).min(hemicubes).max(1);
+    /// The layout of a batch's atlas, when each hemicube draws `splats` surfels.
+    fn layout(&self, hemicubes: usize, splats: f64) -> AtlasLayout {
+        let columns = (self.largest.columns as usize).min(self.pace.hemicubes(splats)).min(hemicubes).max(1);
         AtlasLayout {
             resolution: self.settings.resolution,
             columns: columns as u32,
@@ -128,7 +131,8 @@ impl VulkanGatherer {
     fn start(&mut self, layout: AtlasLayout) -> VkResult<()> {
         let mut row = 0;
         while row < layout.rows {
-            let paced = (self.pace.limit() as u32 / layout.columns).max(1);
+            let splats = self.jobs.back().map_or(1.0, |job| job.splats);
+            let paced = (self.pace.hemicubes(splats) as u32 / layout.columns).max(1);
             let rows = paced.min(self.largest.rows).min(layout.rows - row);
             match self.start_rows(row, AtlasLayout { rows, ..layout }) {
                 Ok(()) => row += rows,
@@ -176,12 +180,21 @@ impl VulkanGatherer {
     ) -> VkResult<()> {
         let started = Instant::now();
         let slot = &mut self.slots[slot];
-        let receivers = self.jobs.back().map_or(&[][..], |job| &job.batch.receivers);
+        let Some(Job { batch, .. }) = self.jobs.back() else { return Ok(()) };
         let first = (first_row * layout.columns) as usize;
-        let receivers = &receivers[first..receivers.len().min(first + layout.capacity())];
-        let instances = write_instances(&mut slot.instances, receivers, layout, &self.parts);
-        let pass_ref = &self.passes[pass];
-        let drawing = Drawing { pass: pass_ref, framebuffer: pass, splats: &self.splats, instances, layout };
+        let range = first..batch.receivers.len().min(first + layout.capacity());
+        let draws = Draws::new(batch, range.clone());
+        slot.write_indices(&self.context, &batch.cuts[draws.indices.clone()])?;
+        let instances = write_instances(&mut slot.instances, &batch.receivers[range], layout, &self.parts);
+        let drawing = Drawing {
+            pass: &self.passes[pass],
+            framebuffer: pass,
+            splats: &self.splats,
+            instances,
+            parts: self.parts.len() as u32,
+            draws: &draws,
+            layout,
+        };
         record(&self.context, slot, &drawing)?;
         let recorded = Instant::now();
         let commands = [slot.commands];
@@ -209,7 +222,7 @@ impl VulkanGatherer {
         job.pending -= 1;
         let bytes = read(&slot.readback, &flight, &mut job.atlas);
         let busy = gpu_seconds.unwrap_or_else(|| (waited - flight.submitted).as_secs_f64());
-        self.pace.learn(flight.layout.capacity(), busy);
+        self.pace.learn(flight.layout.capacity() as f64 * job.splats, busy);
         self.stats.wait_seconds += (waited - started).as_secs_f64();
         self.stats.read_seconds += waited.elapsed().as_secs_f64();
         self.stats.gpu_seconds += gpu_seconds.unwrap_or_default();
@@ -232,12 +245,10 @@ impl VulkanGatherer {
 
 impl Gatherer for VulkanGatherer {
     fn batch_size(&self) -> usize {
-        let columns = self.largest.columns as usize;
         match self.settings.batch {
             BatchSize::Fixed(n) => n.min(self.largest.capacity()).max(1),
-            // Whole rows, so that the batch is one submit.
-            BatchSize::Auto if self.pace.limit() > columns => self.pace.limit() / columns * columns,
-            BatchSize::Auto => self.pace.limit(),
+            // A batch that takes too long is split as it is submitted.
+            BatchSize::Auto => self.largest.capacity(),
         }
     }
 
@@ -247,8 +258,9 @@ impl Gatherer for VulkanGatherer {
 
     fn submit(&mut self, batch: Batch) -> Result<()> {
         let hemicubes = batch.receivers.len();
-        let layout = self.layout(hemicubes);
-        self.jobs.push_back(Job { batch, atlas: IdAtlas::empty(layout), pending: 0 });
+        let splats = splats_drawn(&batch, self.splats.count) / hemicubes.max(1) as f64;
+        let layout = self.layout(hemicubes, splats);
+        self.jobs.push_back(Job { batch, atlas: IdAtlas::empty(layout), pending: 0, splats });
         self.start(layout).map_err(|result| self.failed(result))?;
         self.stats.batches += 1;
         self.stats.hemicubes += hemicubes as u64;

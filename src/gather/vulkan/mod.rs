@@ -12,6 +12,7 @@
 //! | `buffers.rs`, `images.rs` | memory |
 //! | `vertices.rs` | the vertex formats that the shaders read |
 //! | `pass.rs`, `slot.rs`, `record.rs` | render pass and pipeline; what one frame in flight owns; its commands |
+//! | `draws.rs` | which surfels each hemicube draws |
 //! | `pace.rs` | how many hemicubes go into one submit |
 //! | `gatherer.rs` | the [`Gatherer`](super::Gatherer) |
 //!
@@ -21,6 +22,7 @@
 mod buffers;
 mod context;
 mod devices;
+mod draws;
 mod gatherer;
 mod images;
 mod instance;

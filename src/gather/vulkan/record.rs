@@ -1,6 +1,7 @@
 //! The commands of one submit: draw all hemicubes, copy their ids into the readback buffer.
 
 use super::context::Context;
+use super::draws::Draws;
 use super::pass::{Pass, Viewport};
 use super::slot::{HIDDEN_ROWS, Slot};
 use super::vertices::SplatBuffers;
@@ -18,6 +19,10 @@ pub(super) struct Drawing<'a> {
     pub splats: &'a SplatBuffers,
     /// Instances in the slot's instance buffer.
     pub instances: u32,
+    /// Instances a hemicube.
+    pub parts: u32,
+    /// What the hemicubes draw; its indices are in the slot's index buffer.
+    pub draws: &'a Draws,
     /// Where their tiles lie; no larger than the slot's images.
     pub layout: AtlasLayout,
 }
@@ -82,15 +87,26 @@ fn draw(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
     unsafe { device.cmd_end_render_pass(commands) };
 }
 
-/// Every surfel into every hemicube.
+/// Every surfel into every hemicube, or every group's cut into its hemicubes. An index is a surfel's number, and so is
+/// `gl_VertexIndex` either way.
 fn draw_splats(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
+    let (device, commands) = (&context.device, slot.commands);
     let mut buffers = vec![drawing.splats.splats.raw(), slot.instances.raw()];
     buffers.extend(drawing.splats.axes.as_ref().map(|axes| axes.raw()));
     let offsets = [0; 3];
     // SAFETY: the pipeline is bound; the buffers are those of its bindings and hold the vertices and instances drawn.
-    unsafe {
-        context.device.cmd_bind_vertex_buffers(slot.commands, 0, &buffers, &offsets[..buffers.len()]);
-        context.device.cmd_draw(slot.commands, drawing.splats.count, drawing.instances, 0, 0);
+    unsafe { device.cmd_bind_vertex_buffers(commands, 0, &buffers, &offsets[..buffers.len()]) };
+    if drawing.draws.list.is_empty() {
+        // SAFETY: as above.
+        unsafe { device.cmd_draw(commands, drawing.splats.count, drawing.instances, 0, 0) };
+        return;
+    }
+    // SAFETY: the index buffer holds the indices of all draws, each below the number of surfels.
+    unsafe { device.cmd_bind_index_buffer(commands, slot.indices.raw(), 0, vk::IndexType::UINT32) };
+    for draw in &drawing.draws.list {
+        let (instances, first) = (draw.hemicubes * drawing.parts, draw.first * drawing.parts);
+        // SAFETY: as above.
+        unsafe { device.cmd_draw_indexed(commands, draw.indices, instances, draw.first_index, 0, first) };
     }
 }
 

@@ -17,6 +17,8 @@ use std::sync::Arc;
 /// Rows of pixels below the scissor in which points that cover nothing are placed.
 pub(super) const HIDDEN_ROWS: u32 = 4;
 
+/// Indices that a slot holds to begin with: cuts of 700 surfels for 64 groups.
+const FIRST_INDICES: usize = 1 << 16;
 /// Most hemicubes of an automatic batch: larger ones are no faster.
 const MAX_AUTO_BATCH: usize = 1024;
 /// Most texels of a layer of an automatic batch: 16 million bytes of images a layer.
@@ -81,6 +83,8 @@ pub(super) struct Slot {
     pub framebuffers: Vec<Owned<vk::Framebuffer>>,
     /// Array of [`HemicubeInstance`].
     pub instances: Buffer,
+    /// Indices of the surfels that each group draws.
+    pub indices: Buffer,
     /// The packed atlas.
     pub readback: Buffer,
     /// The commands.
@@ -117,6 +121,7 @@ impl Slot {
             vk::BufferUsageFlags::TRANSFER_DST,
             MemoryLocation::GpuToCpu,
         )?;
+        let indices = index_buffer(context, FIRST_INDICES)?;
         let (pool, commands) = command_buffer(context, "hemicubes")?;
         let fence = fence(context)?;
         let timer = context.timestamp_seconds.is_some().then(|| timer(context)).transpose()?;
@@ -125,12 +130,23 @@ impl Slot {
             _depths: depths,
             framebuffers,
             instances,
+            indices,
             readback,
             commands,
             _pool: pool,
             fence,
             timer,
         })
+    }
+
+    /// Puts indices into the index buffer, which grows when it must. The device must not be using the slot.
+    pub fn write_indices(&mut self, context: &Arc<Context>, indices: &[u32]) -> VkResult<()> {
+        let bytes: &[u8] = bytemuck::cast_slice(indices);
+        if self.indices.bytes().len() < bytes.len() {
+            self.indices = index_buffer(context, indices.len().next_power_of_two())?;
+        }
+        self.indices.bytes_mut()[..bytes.len()].copy_from_slice(bytes);
+        Ok(())
     }
 
     /// Seconds between the two timestamps of the last submit, which must be done.
@@ -142,6 +158,11 @@ impl Slot {
         unsafe { context.device.get_query_pool_results(timer.raw, 0, &mut ticks, flags) }.ok()?;
         Some(ticks[1].saturating_sub(ticks[0]) as f64 * seconds)
     }
+}
+
+fn index_buffer(context: &Arc<Context>, indices: usize) -> VkResult<Buffer> {
+    let usage = vk::BufferUsageFlags::INDEX_BUFFER;
+    Buffer::new(context, "surfel indices", indices * size_of::<u32>(), usage, MemoryLocation::CpuToGpu)
 }
 
 fn id_image(extent: vk::Extent2D) -> ImageDesc<'static> {

@@ -12,8 +12,9 @@ use std::f32::consts::PI;
 /// Radius of a cluster's disc over the square root of its projected area: discs on a regular pattern cover the plane from
 /// 0.71 (square) on.
 const CLUSTER_RADIUS: f32 = 0.75;
-/// How far surfels of unlike normals are moved apart before clustering, in scene sizes: only like normals cluster.
-const NORMAL_SPREAD: f32 = 0.5;
+/// How far surfels are moved along their normals before clustering, in scene sizes: only like normals then stand together.
+/// Less than 1 would bring the opposite walls of a room together instead.
+const NORMAL_SPREAD: f32 = 2.0;
 /// Normals that differ more than this from their cluster's mean (length of the difference) are not drawn as one disc.
 const MAX_NORMAL_DEVIATION: f32 = 0.5;
 

@@ -5,6 +5,7 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 use glam::{Vec2, Vec3};
+use std::io::Write;
 use std::process::Command;
 use surflux::gather::cpu::{CpuGatherer, CpuSettings};
 use surflux::gather::vulkan::{
@@ -22,11 +23,17 @@ const CHILD_DEVICE: &str = "SURFLUX_TEST_DEVICE";
 const SURFELS: usize = 2000;
 const SHAPES: [SurfelShape; 2] = [SurfelShape::Disc, SurfelShape::Triangle];
 
+/// Says aloud that a test did nothing.
+#[allow(clippy::explicit_write, reason = "the test harness hides what eprintln! writes in tests that pass")]
+fn skip(reason: &str) {
+    writeln!(std::io::stderr(), "SKIPPED: {reason}").unwrap();
+}
+
 fn device(name: &str) -> Option<DeviceInfo> {
     let found = list_devices().unwrap_or_default().into_iter().find(|device| device.name.contains(name));
     if found.is_none() {
         assert!(std::env::var_os("CI").is_none(), "{name} is missing: install mesa-vulkan-drivers");
-        eprintln!("SKIPPED: no Vulkan device {name} here (Debian and Ubuntu: mesa-vulkan-drivers)");
+        skip(&format!("no Vulkan device {name} here (Debian and Ubuntu: mesa-vulkan-drivers)"));
     }
     found
 }
@@ -160,7 +167,7 @@ fn ids_equal_the_cpus() {
 #[test]
 fn ids_equal_on_swiftshader() {
     if !std::path::Path::new(SWIFTSHADER).exists() {
-        eprintln!("SKIPPED: no SwiftShader here ({SWIFTSHADER}; Debian: chromium)");
+        skip(&format!("no SwiftShader here ({SWIFTSHADER}; Debian: chromium)"));
         return;
     }
     // The loader reads the variable once, so a driver of its own needs a process of its own.

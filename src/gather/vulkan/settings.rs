@@ -82,7 +82,7 @@ pub struct GatherStats {
     pub wait_seconds: f64,
     /// Copying ids out of the readback buffers.
     pub read_seconds: f64,
-    /// On the device, by its timestamps; 0 where it has none.
+    /// On the device, by its timestamps; 0 where it has none. Submits that overlap there count twice while they do.
     pub gpu_seconds: f64,
     /// Ids copied back, bytes.
     pub readback_bytes: u64,

@@ -23,6 +23,7 @@ const FIRST_INDICES: usize = 1 << 16;
 const MAX_AUTO_BATCH: usize = 1024;
 /// Most texels of a layer of an automatic batch: 16 million bytes of images a layer.
 const MAX_AUTO_TEXELS: usize = 1 << 21;
+
 /// The largest atlas that a slot can hold.
 fn largest_layout(context: &Context, resolution: u32, hemicubes: usize) -> AtlasLayout {
     let l = &context.limits;

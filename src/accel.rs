@@ -104,6 +104,14 @@ impl Accel {
         })
     }
 
+    /// The primitive of the nearest surface with `0 < t < tmax`.
+    pub fn first_primitive(&self, origin: Vec3, direction: Vec3, tmax: f32) -> Option<PrimitiveId> {
+        let mut found = RayHit::none();
+        let hit =
+            self.bvh.ray_traverse(ray(origin, direction, tmax), &mut found, |ray, i| self.intersect(ray, i));
+        hit.then(|| self.leaves[found.primitive_id as usize])
+    }
+
     /// Whether any surface blocks the ray at `0 < t < tmax`.
     pub fn occluded(&self, origin: Vec3, direction: Vec3, tmax: f32) -> bool {
         let ray = ray(origin, direction, tmax);

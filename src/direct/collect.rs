@@ -13,16 +13,19 @@ pub(super) fn emits(scene: &Scene, primitive: PrimitiveId) -> bool {
     scene.materials[material].emission.max_element() > 0.0
 }
 
-/// Emissive triangles joined to polygons, spheres, and the faces of cuboids.
-pub(super) fn emissive_surfaces(scene: &Scene) -> Vec<Light> {
+/// The emissive triangles of a scene, ascending.
+pub(super) fn emissive_triangles(scene: &Scene) -> Vec<usize> {
+    (0..scene.triangles.len()).filter(|&t| emits(scene, t as PrimitiveId)).collect()
+}
+
+/// The given triangles joined to polygons, spheres, and the faces of cuboids.
+pub(super) fn emissive_surfaces(scene: &Scene, triangles: &[usize]) -> Vec<Light> {
     let material = |index: u32| &scene.materials[index as usize];
     let emissive = |index: u32| material(index).emission.max_element() > 0.0;
-    let triangles: Vec<usize> =
-        (0..scene.triangles.len()).filter(|&t| emissive(scene.triangle_materials[t])).collect();
     let polygon = |corners: &[Vec3], normal: DVec3, index: u32| {
         Light::Polygon(PolygonLight::new(corners, normal, material(index)))
     };
-    let mut lights: Vec<Light> = join_triangles(scene, &triangles)
+    let mut lights: Vec<Light> = join_triangles(scene, triangles)
         .iter()
         .map(|joined| polygon(&joined.corners, joined.normal, joined.material))
         .collect();

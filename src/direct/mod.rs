@@ -1,10 +1,12 @@
 //! Direct light: what reaches a point straight from lights and emissive surfaces.
 //!
-//! Up to [`EXACT_LIMIT`] emitters, unshadowed irradiance is exact (Lambert's polygon formula, the closed form of a sphere)
-//! and shadow rays only scale it. Beyond that, a bounded number of samples is chosen by power.
+//! Up to [`EXACT_LIMIT`] emitters, unshadowed irradiance is exact (Lambert's formula for polygons and for the
+//! silhouettes of convex meshes, the closed form of a sphere) and shadow rays only scale it. Beyond that, a bounded number of samples is chosen by power.
 
 mod chosen;
 mod collect;
+mod contour;
+mod convex;
 mod local;
 mod many;
 mod merge;
@@ -14,13 +16,16 @@ mod punctual;
 mod round;
 pub(crate) mod sequence;
 mod shadow;
+mod silhouette;
+mod solid;
 mod view;
 
 use crate::accel::{Accel, RAY_OFFSET, offset_origin};
 use crate::math::Rng;
 use crate::scene::Scene;
 use chosen::SeenLights;
-use collect::{emissive_surfaces, emits};
+use collect::{emissive_surfaces, emissive_triangles, emits};
+use convex::ConvexLight;
 use glam::Vec3;
 use local::Local;
 use many::ManyEmitters;
@@ -29,10 +34,12 @@ use punctual::Punctual;
 use round::RoundLight;
 use sequence::Sequence;
 use shadow::{Query, Tally};
+use solid::find_solids;
+use std::collections::HashSet;
 use std::f32::consts::PI;
 use view::View;
 
-/// Emissive polygons and spheres whose unshadowed light is summed exactly.
+/// Emissive polygons, spheres and convex meshes whose unshadowed light is summed exactly.
 pub const EXACT_LIMIT: usize = 256;
 
 /// Lights that are given shadow rays of their own; the lights of a scene with more share one set.
@@ -137,6 +144,7 @@ impl std::ops::Mul<f32> for DirectLight {
 enum Light {
     Polygon(PolygonLight),
     Round(RoundLight),
+    Convex(ConvexLight),
     Punctual(Punctual),
 }
 
@@ -145,6 +153,7 @@ impl Light {
         match self {
             Self::Polygon(polygon) => polygon.view(local),
             Self::Round(round) => round.view(local),
+            Self::Convex(convex) => convex.view(local),
             Self::Punctual(punctual) => punctual.view(local),
         }
         .filter(|view| view.unshadowed.max_element() > 0.0)
@@ -165,10 +174,19 @@ impl Lights {
     pub fn new(scene: &Scene) -> Self {
         let mut exact: Vec<Light> =
             scene.lights.iter().map(|light| Light::Punctual(Punctual::new(light))).collect();
-        let surfaces = emissive_surfaces(scene);
-        let many = (surfaces.len() > EXACT_LIMIT).then(|| {
-            let primitives = (0..scene.primitive_count() as u32).filter(|&p| emits(scene, p)).collect();
-            ManyEmitters::new(scene, primitives)
+        let triangles = emissive_triangles(scene);
+        let mut solids = find_solids(scene, &triangles);
+        if solids.len() > EXACT_LIMIT {
+            solids.clear();
+        }
+        exact.extend(solids.iter().map(|solid| Light::Convex(ConvexLight::new(scene, solid))));
+        let joined: HashSet<usize> =
+            solids.iter().flat_map(|solid| solid.triangles.iter().copied()).collect();
+        let loose: Vec<usize> = triangles.into_iter().filter(|t| !joined.contains(t)).collect();
+        let surfaces = emissive_surfaces(scene, &loose);
+        let many = (solids.len() + surfaces.len() > EXACT_LIMIT).then(|| {
+            let emitters = (0..scene.primitive_count() as u32).filter(|&p| emits(scene, p));
+            ManyEmitters::new(scene, emitters.filter(|&p| !joined.contains(&(p as usize))).collect())
         });
         if many.is_none() {
             exact.extend(surfaces);

@@ -92,7 +92,7 @@ fn triangle(corners: &[DVec3], i: usize) -> [DVec3; 3] {
 }
 
 /// A point of a triangle and the estimate of the triangle's solid angle that it stands for.
-fn sample_triangle(corners: &[DVec3; 3], u: Vec2) -> (DVec3, f64) {
+pub(super) fn sample_triangle(corners: &[DVec3; 3], u: Vec2) -> (DVec3, f64) {
     let plane = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
     let solid_angle = solid_angle(&corners.map(|c| c.normalize_or_zero()));
     if solid_angle > SMALL

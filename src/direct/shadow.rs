@@ -42,9 +42,7 @@ impl Tally {
         let share = view.unshadowed * (sample.weight / probability);
         self.rays += 1;
         self.all += share;
-        let lit = sample.weight > 0.0
-            && query.point.sees(query.accel, sample.point, sample.normal, sample.direction);
-        if lit {
+        if sample.weight > 0.0 && view.reached(query, &sample) {
             self.lit_rays += 1;
             self.arrived += share;
             self.specular += sample.perpendicular * (query.lobe(sample.direction) / probability);

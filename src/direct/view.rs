@@ -1,8 +1,10 @@
 //! What a receiver sees of one light, visibility apart.
 
+use super::convex::ConvexView;
 use super::polygon::PolygonView;
 use super::punctual::{PanelView, PointView};
 use super::round::RoundView;
+use super::shadow::Query;
 use glam::{Vec2, Vec3};
 
 /// A point of a light that a shadow ray should go to.
@@ -10,7 +12,8 @@ use glam::{Vec2, Vec3};
 pub(super) struct LightSample {
     /// Scene space.
     pub(super) point: Vec3,
-    /// Unit normal of the emitting side there; zero for lights without a surface.
+    /// Unit normal of the emitting side there; zero for lights without a surface, and where the point is within a
+    /// body.
     pub(super) normal: Vec3,
     /// Unit vector from the receiver.
     pub(super) direction: Vec3,
@@ -37,6 +40,7 @@ enum Shape<'a> {
     Round(RoundView<'a>),
     Point(PointView),
     Panel(PanelView<'a>),
+    Convex(ConvexView<'a>),
 }
 
 impl<'a> View<'a> {
@@ -56,6 +60,10 @@ impl<'a> View<'a> {
         Self { unshadowed, shape: Shape::Panel(view) }
     }
 
+    pub(super) fn convex(unshadowed: Vec3, view: ConvexView<'a>) -> Self {
+        Self { unshadowed, shape: Shape::Convex(view) }
+    }
+
     /// Shadow rays worth tracing when `wanted` would do for an area light.
     pub(super) fn samples(&self, wanted: u32) -> u32 {
         if matches!(self.shape, Shape::Point(_)) { 1 } else { wanted.max(1) }
@@ -68,6 +76,15 @@ impl<'a> View<'a> {
             Shape::Round(round) => round.sample(u),
             Shape::Point(point) => point.sample(),
             Shape::Panel(panel) => panel.sample(u),
+            Shape::Convex(convex) => convex.sample(u),
+        }
+    }
+
+    /// Whether a sample's light arrives.
+    pub(super) fn reached(&self, query: &Query, sample: &LightSample) -> bool {
+        match &self.shape {
+            Shape::Convex(convex) => convex.reached(query, sample),
+            _ => query.point.sees(query.accel, sample.point, sample.normal, sample.direction),
         }
     }
 }

@@ -1,0 +1,132 @@
+//! The outline of a convex body above the horizon: irradiance from it, and directions within it.
+
+use super::patch::sample_triangle;
+use glam::{DVec3, Vec2};
+
+/// Square of the sine of an edge's angle up to which a series stands for the angle.
+const SHORT: f64 = 0.01;
+
+/// An outline relative to a receiver, seen from which the inside is on the left of its edges.
+#[derive(Debug)]
+pub(super) struct Contour {
+    normal: DVec3,
+    /// Edges in any order; their ends lie on the body.
+    edges: Vec<[DVec3; 2]>,
+    /// A point within the body, about the middle of the outline.
+    middle: DVec3,
+    /// Rough solid angles of the triangles between the middle and each edge, summed up to and including each.
+    cumulative: Vec<f64>,
+    irradiance: f64,
+}
+
+/// A direction within a contour.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ContourSample {
+    /// A point within the body, relative to the receiver.
+    pub(super) point: DVec3,
+    /// Estimates the solid angle of the inside: its mean over the unit square is that, sr.
+    pub(super) solid_angle: f64,
+    /// Share of the irradiance relative to the mean share: its mean over the unit square is 1.
+    pub(super) weight: f64,
+}
+
+/// Clips edges to the horizon and closes the outline along it.
+pub(super) struct Clipper {
+    normal: DVec3,
+    edges: Vec<[DVec3; 2]>,
+    /// Where the outline goes below the horizon, and where it comes back.
+    exits: Vec<DVec3>,
+    entries: Vec<DVec3>,
+}
+
+impl Clipper {
+    /// For a receiver at the origin with this unit normal.
+    pub(super) fn new(normal: DVec3) -> Self {
+        Self { normal, edges: Vec::with_capacity(64), exits: Vec::new(), entries: Vec::new() }
+    }
+
+    /// Adds the part of an edge that is above the horizon.
+    pub(super) fn push(&mut self, a: DVec3, b: DVec3) {
+        let (from, to) = (self.normal.dot(a), self.normal.dot(b));
+        match (from > 0.0, to > 0.0) {
+            (true, true) => self.edges.push([a, b]),
+            (false, false) => (),
+            (leaves, _) => {
+                let crossing = a + (b - a) * (from / (from - to));
+                if leaves {
+                    self.edges.push([a, crossing]);
+                    self.exits.push(crossing);
+                } else {
+                    self.edges.push([crossing, b]);
+                    self.entries.push(crossing);
+                }
+            }
+        }
+    }
+
+    /// The closed outline; `None` when nothing is above the horizon.
+    pub(super) fn finish(self) -> Option<Contour> {
+        let Self { normal, mut edges, exits, entries } = self;
+        // A convex body cuts the horizon in one arc of less than half a turn, so that it does not matter which exit is
+        // joined to which entry if rounding makes more than one of each.
+        edges.extend(exits.into_iter().zip(entries).map(|(exit, entry)| [exit, entry]));
+        let middle = edges.iter().map(|[a, _]| *a).sum::<DVec3>() / edges.len() as f64;
+        let (mut sum, mut total) = (0.0, 0.0);
+        let mut cumulative = Vec::with_capacity(edges.len());
+        for [a, b] in &edges {
+            let (arc, sine) = arc(*a, *b);
+            sum -= normal.dot(arc);
+            total += (-middle.dot(sine)).max(0.0);
+            cumulative.push(total);
+        }
+        let irradiance = 0.5 * sum;
+        (irradiance > 0.0 && total > 0.0).then_some(Contour { normal, edges, middle, cumulative, irradiance })
+    }
+}
+
+/// The normal of the plane of an edge and the receiver, as long as the angle between the edge's ends, and as long as its
+/// sine.
+fn arc(a: DVec3, b: DVec3) -> (DVec3, DVec3) {
+    // Of the difference, so that digits of close ends are kept.
+    let cross = a.cross(b - a);
+    let sine = cross / (a.length_squared() * b.length_squared()).sqrt();
+    let square = sine.length_squared();
+    let cosine = a.dot(b);
+    if square < SHORT && cosine > 0.0 {
+        // asin(s) / s
+        let series = 1.0
+            + square
+                * (1.0 / 6.0 + square * (3.0 / 40.0 + square * (5.0 / 112.0 + square * (35.0 / 1152.0))));
+        return (sine * series, sine);
+    }
+    let length = cross.length();
+    if length > 0.0 { (cross * (length.atan2(cosine) / length), sine) } else { (DVec3::ZERO, DVec3::ZERO) }
+}
+
+impl Contour {
+    /// Irradiance from the inside with unit radiance, W m-2 (Lambert's formula; see `polygon`).
+    pub(super) fn irradiance(&self) -> f64 {
+        self.irradiance
+    }
+
+    /// The direction that belongs to a point of the unit square.
+    pub(super) fn sample(&self, u: Vec2) -> ContourSample {
+        let (edge, share, x) = self.choose(f64::from(u.x));
+        let [a, b] = self.edges[edge];
+        let (point, solid_angle) = sample_triangle(&[self.middle, a, b], Vec2::new(x as f32, u.y));
+        let solid_angle = solid_angle / share;
+        let cosine = (self.normal.dot(point) / point.length()).max(0.0);
+        ContourSample { point, solid_angle, weight: solid_angle * cosine / self.irradiance }
+    }
+
+    /// An edge in proportion to its triangle, its share, and `u` stretched to what is left of it.
+    fn choose(&self, u: f64) -> (usize, f64, f64) {
+        let last = self.cumulative.len() - 1;
+        let total = self.cumulative[last];
+        let wanted = u * total;
+        let chosen = self.cumulative.partition_point(|&sum| sum <= wanted).min(last);
+        let before = if chosen > 0 { self.cumulative[chosen - 1] } else { 0.0 };
+        let own = self.cumulative[chosen] - before;
+        (chosen, own / total, ((wanted - before) / own).clamp(0.0, 1.0))
+    }
+}

@@ -59,13 +59,15 @@ pub fn render(world: &World, view: &View, settings: &Settings, aovs: &[Aov], run
         let mut pending = VecDeque::new();
         for first in (0..view.sample_count()).step_by(chunk_samples(view)) {
             interrupt::check()?;
-            let samples = run.clock.time(Stage::Trace, || view.trace(&world.accel, first, chunk_samples(view)));
+            let samples =
+                run.clock.time(Stage::Trace, || view.trace(&world.accel, first, chunk_samples(view)));
             let points = shading_points(&samples);
+            run.counters.count_shading_points(points.len());
             let order = match &stage {
                 Some(stage) => run.clock.time(Stage::Tree, || submit(world, &points, settings, stage))?,
                 None => Vec::new(),
             };
-            let direct = run.clock.time(Stage::Direct, || direct_light(world, settings, &points));
+            let direct = run.clock.time(Stage::Direct, || direct_light(world, settings, &points))?;
             pending.push_back(Chunk { first, samples, points, direct, order });
             if pending.len() == CHUNKS_IN_FLIGHT
                 && let Some(chunk) = pending.pop_front()
@@ -97,7 +99,12 @@ fn shading_points(samples: &[CameraSample]) -> Vec<ShadingPoint> {
 }
 
 /// Sends the points to the gather thread, batch by batch; returns the order in which results come.
-fn submit(world: &World, points: &[ShadingPoint], settings: &Settings, stage: &GatherStage) -> Result<Vec<u32>> {
+fn submit(
+    world: &World,
+    points: &[ShadingPoint],
+    settings: &Settings,
+    stage: &GatherStage,
+) -> Result<Vec<u32>> {
     let receivers: Vec<_> = points
         .par_iter()
         .with_min_len(64)
@@ -109,7 +116,12 @@ fn submit(world: &World, points: &[ShadingPoint], settings: &Settings, stage: &G
 }
 
 /// Waits for all of a chunk's batches and returns the irradiance of its points.
-fn collect(chunk: &Chunk, stage: Option<&GatherStage>, convolver: &Convolver, run: &Run) -> Result<Vec<Vec3>> {
+fn collect(
+    chunk: &Chunk,
+    stage: Option<&GatherStage>,
+    convolver: &Convolver,
+    run: &Run,
+) -> Result<Vec<Vec3>> {
     let mut irradiance = vec![Vec3::ZERO; chunk.points.len()];
     let mut received = 0;
     while let Some(stage) = stage.filter(|_| received < chunk.points.len()) {

@@ -13,7 +13,9 @@ use clap::{Parser, Subcommand};
 /// Diffuse global illumination by point-based colour bleeding: surfels drawn into hemicubes, hundreds per Vulkan pass.
 #[derive(Debug, Parser)]
 #[command(name = "surflux", version, propagate_version = true, arg_required_else_help = true)]
-#[command(after_help = "Exit codes: 0 done, 1 the work failed, 2 the command line or an input file is wrong, 130 interrupted.")]
+#[command(
+    after_help = "Exit codes: 0 done, 1 the work failed, 2 the command line or an input file is wrong, 130 interrupted."
+)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -46,7 +48,9 @@ pub fn main() -> u8 {
 }
 
 fn run(command: &Command) -> Result<u8> {
-    crate::interrupt::install();
+    if !matches!(command, Command::Irradiance(_)) {
+        crate::interrupt::install();
+    }
     match command {
         Command::Render(args) => render::run(args).map(|()| 0),
         Command::Irradiance(args) => irradiance::run(args).map(|()| 0),
@@ -56,11 +60,10 @@ fn run(command: &Command) -> Result<u8> {
     }
 }
 
-/// Runs `work` on a pool of the asked number of threads (0: one for each core).
-fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
-    let pool = rayon::ThreadPoolBuilder::new()
+/// Starts the asked number of worker threads (0: one for each core), which all stages share. To be called once.
+fn use_threads(threads: usize) -> Result<()> {
+    rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
-        .build()
-        .map_err(|e| Error::Failed(format!("cannot start {threads} threads: {e}")))?;
-    pool.install(work)
+        .build_global()
+        .map_err(|e| Error::Failed(format!("cannot start {threads} threads: {e}")))
 }

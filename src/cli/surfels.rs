@@ -1,12 +1,12 @@
 //! `surflux surfels`: bake a surfel cloud.
 
 use super::common::{MessageArgs, SceneArgs, TransportArgs};
-use super::with_threads;
+use super::use_threads;
 use crate::atomic_file::check_writable;
 use crate::error::{Error, Result};
+use crate::scene::Scene;
 use crate::settings::GatherMethod;
 use crate::surfel::{file, ply};
-use crate::scene::Scene;
 use crate::world::World;
 use clap::Args;
 use std::path::PathBuf;
@@ -39,7 +39,8 @@ pub fn run(args: &SurfelsArgs) -> Result<()> {
         return Err(Error::Usage(message));
     }
     check_writable(&args.output)?;
-    with_threads(args.transport.threads, || bake(args, extension == "ply"))
+    use_threads(args.transport.threads)?;
+    bake(args, extension == "ply")
 }
 
 fn bake(args: &SurfelsArgs, as_ply: bool) -> Result<()> {

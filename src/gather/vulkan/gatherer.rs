@@ -245,6 +245,10 @@ impl Gatherer for VulkanGatherer {
         self.slots.len()
     }
 
+    fn readback_bytes(&self, atlas: &IdAtlas) -> usize {
+        size_of_val(atlas.texels.as_slice())
+    }
+
     fn submit(&mut self, batch: Batch) -> Result<()> {
         let hemicubes = batch.receivers.len();
         let layout = self.layout(hemicubes);

@@ -62,11 +62,12 @@ pub fn render(world: &World, view: &View, settings: &Settings, aovs: &[Aov], run
             let samples =
                 run.clock.time(Stage::Trace, || view.trace(&world.accel, first, chunk_samples(view)));
             let points = shading_points(&samples);
+            run.counters.count_shading_points(points.len());
             let order = match &stage {
                 Some(stage) => run.clock.time(Stage::Tree, || submit(world, &points, settings, stage))?,
                 None => Vec::new(),
             };
-            let direct = run.clock.time(Stage::Direct, || direct_light(world, settings, &points));
+            let direct = run.clock.time(Stage::Direct, || direct_light(world, settings, &points))?;
             pending.push_back(Chunk { first, samples, points, direct, order });
             if pending.len() == CHUNKS_IN_FLIGHT
                 && let Some(chunk) = pending.pop_front()

@@ -91,7 +91,7 @@ impl World {
             samples: settings.light_samples,
             seed: settings.seed,
         };
-        shade(&mut cloud, &self.accel, &self.lights, &shading);
+        shade(&mut cloud, &self.accel, &self.lights, &shading)?;
         Ok(cloud)
     }
 
@@ -111,10 +111,21 @@ impl World {
         let cloud = &mut self.cloud;
         let made = run
             .clock
-            .time(Stage::Convolve, || transfer.bounce(cloud, tree, background, among_surfels, tolerance));
+            .time(Stage::Convolve, || transfer.bounce(cloud, tree, background, among_surfels, tolerance))?;
         self.drawables.relight(&self.cloud, self.tree.as_ref());
         run.reporter.verbose(|| format!("light bounced {made} times among {} surfels", self.cloud.len()));
         Ok(())
+    }
+
+    /// Takes the emitters' own light away from the surfels: a gather then sees reflected light only.
+    pub fn hide_emission(&mut self) {
+        let cloud = &mut self.cloud;
+        for light in [&mut cloud.radiance, &mut cloud.back_radiance] {
+            for (light, &emission) in light.iter_mut().zip(&cloud.emission) {
+                *light = (*light - emission).max(Vec3::ZERO);
+            }
+        }
+        self.drawables.relight(&self.cloud, self.tree.as_ref());
     }
 
     /// Gathers at every surfel.
@@ -129,9 +140,7 @@ impl World {
             .collect();
         let mut gatherer = self.gatherer(settings)?;
         let ordered = self.order(&receivers, settings, gatherer.batch_size());
-        run.clock.time(Stage::Gather, || {
-            Transfer::gather(sides, ordered, &self.drawables, &self.weights, gatherer.as_mut())
-        })
+        Transfer::gather(sides, ordered, &self.drawables, &self.weights, gatherer.as_mut(), run)
     }
 
     /// The device for the statistics.

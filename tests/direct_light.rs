@@ -270,14 +270,14 @@ fn surfels_reflect_direct_light_or_show_their_emission() {
     let room = Room::new(vec![ceiling(DVec3::Z * 0.8, 0.4, LAMP)], Vec::new());
     let mut surfels = cloud();
     let settings = |emitters| ShadeSettings { emitters, samples: 4, seed: 1 };
-    shade(&mut surfels, &room.accel, &room.lights, &settings(Emitters::Sample));
+    shade(&mut surfels, &room.accel, &room.lights, &settings(Emitters::Sample)).unwrap();
     let reflected = |x: f64| room.irradiance(DVec3::X * x, 4, 0) * surfels.albedo[0] / PI;
     assert!(close(surfels.radiance[0], reflected(0.0), 1e-5));
     assert_eq!(surfels.radiance[1], Vec3::ZERO, "faces away, and its emission is left out");
     assert_eq!(surfels.back_radiance[0], Vec3::ZERO, "one-sided");
     assert!(close(surfels.back_radiance[1], reflected(0.2), 1e-5));
 
-    shade(&mut surfels, &room.accel, &room.lights, &settings(Emitters::Gather));
+    shade(&mut surfels, &room.accel, &room.lights, &settings(Emitters::Gather)).unwrap();
     assert_eq!(surfels.radiance, surfels.emission);
     assert_eq!(surfels.back_radiance, surfels.emission);
 }

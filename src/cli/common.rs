@@ -40,11 +40,11 @@ pub struct CameraArgs {
     pub look_at: Option<[f64; 3]>,
 
     /// The direction that is up in the picture
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = numbers::<3>, default_value = "0,1,0")]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = numbers::<3>, default_value = "0,1,0", requires = "look_from")]
     pub up: [f64; 3],
 
     /// Horizontal field of view, degrees
-    #[arg(long, value_name = "DEGREES", default_value_t = 40.0, value_parser = field_of_view)]
+    #[arg(long, value_name = "DEGREES", default_value_t = 40.0, value_parser = field_of_view, requires = "look_from")]
     pub fov: f64,
 }
 
@@ -212,6 +212,14 @@ fn numbers<const K: usize>(text: &str) -> std::result::Result<[f64; K], String> 
         .collect::<Option<_>>()
         .ok_or_else(|| format!("expected {K} finite numbers, separated by commas"))?;
     values.try_into().map_err(|_| format!("expected exactly {K} numbers"))
+}
+
+/// Parses a finite number.
+pub fn finite(text: &str) -> std::result::Result<f32, String> {
+    text.parse::<f32>()
+        .ok()
+        .filter(|v| v.is_finite())
+        .ok_or_else(|| format!("must be a finite number, not '{text}'"))
 }
 
 fn positive(text: &str) -> std::result::Result<f64, String> {

@@ -1,13 +1,15 @@
 //! `surflux irradiance`: points in, irradiance out, like Radiance's `rtrace -I`.
 
 use super::common::{MessageArgs, SceneArgs, TransportArgs};
-use super::with_threads;
+use super::use_threads;
 use crate::direct::{LitPoint, Sampling};
 use crate::error::{Error, Result};
 use crate::gather::stage::gather_all;
+use crate::interrupt;
 use crate::math::hash32;
 use crate::render::estimates;
-use crate::scene::Scene;
+use crate::run::Run;
+use crate::scene::{Scene, SceneDescription};
 use crate::settings::{Bounces, Emitters, GatherMethod, Settings};
 use crate::world::World;
 use clap::{Args, ValueEnum};
@@ -19,9 +21,9 @@ use std::path::Path;
 /// Which part of the irradiance is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Part {
-    /// Light that comes straight from lights.
+    /// Light that comes straight from lights
     Direct,
-    /// Light that surfaces reflected.
+    /// Light that surfaces reflected, and the background
     Indirect,
 }
 
@@ -31,7 +33,7 @@ pub struct IrradianceArgs {
     #[command(flatten)]
     scene: SceneArgs,
 
-    /// 'sample': shadow rays find emitters, the gather sees reflected light; 'gather': the gather sees the emitters
+    /// What finds the light of glowing surfaces: shadow rays, or the gather itself
     #[arg(long, value_enum, default_value_t)]
     emitters: Emitters,
 
@@ -53,42 +55,30 @@ struct Point {
 
 /// Reads `x y z nx ny nz` lines from standard input and writes `r g b` lines to standard output.
 pub fn run(args: &IrradianceArgs) -> Result<()> {
-    with_threads(args.transport.threads, || print_irradiance(args))
-}
-
-fn print_irradiance(args: &IrradianceArgs) -> Result<()> {
+    use_threads(args.transport.threads)?;
     let run = args.messages.run();
-    let settings = settings(args);
-    let description = args.scene.load(&run)?;
-    let scene = Scene::new(&description)?;
+    let settings = settings(args)?;
+    let scene = Scene::new(&description(args, &run)?)?;
     let cloud = args.transport.cloud(&scene)?;
     let points = read_points(std::io::stdin().lock(), |p| scene.normalisation.point(p))?;
-    let world = World::prepare(scene, cloud, &settings, &run)?;
+    // Not before: nothing but a key that ends the process at once would end the wait for points.
+    interrupt::install();
+    let mut world = World::prepare(scene, cloud, &settings, &run)?;
+    if (args.emitters, args.only) == (Emitters::Gather, Some(Part::Indirect)) {
+        world.hide_emission();
+    }
     let mut total = vec![Vec3::ZERO; points.len()];
     if settings.emitters == Emitters::Sample && args.only != Some(Part::Indirect) {
-        add_direct(&world, &settings, &points, &mut total);
+        add_direct(&world, &settings, &points, &mut total)?;
     }
     if settings.gather != GatherMethod::None {
-        let mut gatherer = world.gatherer(&settings)?;
-        let seed = |i: usize| hash32(settings.seed ^ hash32(i as u32));
-        let receivers: Vec<_> = points
-            .par_iter()
-            .enumerate()
-            .map(|(i, p)| world.receiver(p.position, p.normal, seed(i)))
-            .collect();
-        let ordered = world.order(&receivers, &settings, gatherer.batch_size());
-        let convolver = world.convolver();
-        gather_all(gatherer.as_mut(), ordered.batches, |gathered| {
-            let order = &ordered.order[gathered.batch.first..];
-            order.iter().zip(estimates(gathered, &convolver)).for_each(|(&i, e)| total[i as usize] += e);
-            Ok(())
-        })?;
+        add_gathered(&world, &settings, &points, &run, &mut total)?;
     }
     print(&total)
 }
 
 /// `--only direct` leaves nothing for the gather to do, unless the gather is what sees the emitters.
-fn settings(args: &IrradianceArgs) -> Settings {
+fn settings(args: &IrradianceArgs) -> Result<Settings> {
     let mut settings = args.transport.settings();
     settings.emitters = args.emitters;
     match (args.emitters, args.only) {
@@ -99,17 +89,60 @@ fn settings(args: &IrradianceArgs) -> Settings {
             if only == Some(Part::Direct) {
                 settings.bounces = Bounces::Count(0);
             }
+            if only == Some(Part::Indirect) && settings.gather == GatherMethod::MonteCarlo {
+                return Err(Error::Usage(
+                    "a Monte Carlo gather that sees the emitters cannot tell direct from indirect light: use \
+                     `--emitters sample` for `--only indirect`"
+                        .into(),
+                ));
+            }
         }
     }
-    settings
+    Ok(settings)
 }
 
-fn add_direct(world: &World, settings: &Settings, points: &[Point], total: &mut [Vec3]) {
-    total.par_iter_mut().zip(points).enumerate().for_each(|(i, (sum, p))| {
+/// The scene. Light from the background is gathered, whatever finds the emitters, and so counts as indirect.
+fn description(args: &IrradianceArgs, run: &Run) -> Result<SceneDescription> {
+    let mut description = args.scene.load(run)?;
+    if args.only == Some(Part::Direct) {
+        description.background = Vec3::ZERO;
+    }
+    if args.emitters == Emitters::Gather && !description.lights.is_empty() {
+        run.reporter.warn("`--emitters gather` leaves out point lights: a gather sees surfaces only");
+    }
+    Ok(description)
+}
+
+fn add_direct(world: &World, settings: &Settings, points: &[Point], total: &mut [Vec3]) -> Result<()> {
+    total.par_iter_mut().zip(points).enumerate().try_for_each(|(i, (sum, p))| {
+        interrupt::check()?;
         let point = LitPoint::flat(p.position, p.normal);
         let sampling = Sampling { seed: settings.seed, stream: i as u64, samples: settings.light_samples };
         *sum += world.lights.irradiance(&world.accel, &point, sampling);
-    });
+        Ok(())
+    })
+}
+
+fn add_gathered(
+    world: &World,
+    settings: &Settings,
+    points: &[Point],
+    run: &Run,
+    total: &mut [Vec3],
+) -> Result<()> {
+    let mut gatherer = world.gatherer(settings)?;
+    let progress = run.reporter.progress("gathering", points.len() as u64);
+    let seed = |i: usize| hash32(settings.seed ^ hash32(i as u32));
+    let receivers: Vec<_> =
+        points.par_iter().enumerate().map(|(i, p)| world.receiver(p.position, p.normal, seed(i))).collect();
+    let ordered = world.order(&receivers, settings, gatherer.batch_size());
+    let convolver = world.convolver();
+    gather_all(gatherer.as_mut(), ordered.batches, run, |gathered| {
+        let order = &ordered.order[gathered.batch.first..];
+        progress.advance(gathered.batch.receivers.len() as u64);
+        order.iter().zip(estimates(gathered, &convolver)).for_each(|(&i, e)| total[i as usize] += e);
+        Ok(())
+    })
 }
 
 fn read_points(input: impl BufRead, to_scene: impl Fn(DVec3) -> Vec3) -> Result<Vec<Point>> {

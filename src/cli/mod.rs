@@ -48,7 +48,9 @@ pub fn main() -> u8 {
 }
 
 fn run(command: &Command) -> Result<u8> {
-    crate::interrupt::install();
+    if !matches!(command, Command::Irradiance(_)) {
+        crate::interrupt::install();
+    }
     match command {
         Command::Render(args) => render::run(args).map(|()| 0),
         Command::Irradiance(args) => irradiance::run(args).map(|()| 0),
@@ -58,11 +60,10 @@ fn run(command: &Command) -> Result<u8> {
     }
 }
 
-/// Runs `work` on a pool of the asked number of threads (0: one for each core).
-fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
-    let pool = rayon::ThreadPoolBuilder::new()
+/// Starts the asked number of worker threads (0: one for each core), which all stages share. To be called once.
+fn use_threads(threads: usize) -> Result<()> {
+    rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
-        .build()
-        .map_err(|e| Error::Failed(format!("cannot start {threads} threads: {e}")))?;
-    pool.install(work)
+        .build_global()
+        .map_err(|e| Error::Failed(format!("cannot start {threads} threads: {e}")))
 }

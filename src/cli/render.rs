@@ -1,7 +1,7 @@
 //! `surflux render`.
 
-use super::common::{CameraArgs, MessageArgs, SceneArgs, TransportArgs};
-use super::with_threads;
+use super::common::{CameraArgs, MessageArgs, SceneArgs, TransportArgs, finite};
+use super::use_threads;
 use crate::atomic_file::check_writable;
 use crate::error::Result;
 use crate::film::Aov;
@@ -39,7 +39,7 @@ pub struct RenderArgs {
     samples: u32,
 
     /// Exposure of .png and .tga, stops
-    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_hyphen_values = true)]
+    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_hyphen_values = true, value_parser = finite)]
     exposure: f32,
 
     /// Further layers of an .exr picture: direct, indirect, albedo, normal, depth
@@ -66,7 +66,8 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     if let Some(path) = args.stats.as_deref().filter(|p| *p != Path::new("-")) {
         check_writable(path)?;
     }
-    with_threads(args.transport.threads, || render_to_file(args, format))
+    use_threads(args.transport.threads)?;
+    render_to_file(args, format)
 }
 
 fn render_to_file(args: &RenderArgs, format: ImageFormat) -> Result<()> {

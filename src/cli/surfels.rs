@@ -1,7 +1,7 @@
 //! `surflux surfels`: bake a surfel cloud.
 
 use super::common::{MessageArgs, SceneArgs, TransportArgs};
-use super::with_threads;
+use super::use_threads;
 use crate::atomic_file::check_writable;
 use crate::error::{Error, Result};
 use crate::scene::Scene;
@@ -39,7 +39,8 @@ pub fn run(args: &SurfelsArgs) -> Result<()> {
         return Err(Error::Usage(message));
     }
     check_writable(&args.output)?;
-    with_threads(args.transport.threads, || bake(args, extension == "ply"))
+    use_threads(args.transport.threads)?;
+    bake(args, extension == "ply")
 }
 
 fn bake(args: &SurfelsArgs, as_ply: bool) -> Result<()> {

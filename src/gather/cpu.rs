@@ -5,6 +5,7 @@ use crate::error::Result;
 use crate::hemicube::atlas::{AtlasLayout, IdAtlas};
 use crate::hemicube::frame::{FACES, Receiver, rows};
 use crate::hemicube::raster::{Raster, SplatLanes};
+use crate::interrupt;
 use crate::surfel::cloud::{Splat, SurfelShape};
 use crate::surfel::drawable::in_plane_axes;
 use rayon::prelude::*;
@@ -52,7 +53,7 @@ impl CpuGatherer {
     }
 
     /// Draws a batch's tiles one below the other.
-    fn draw(&self, batch: &Batch) -> IdAtlas {
+    fn draw(&self, batch: &Batch) -> Result<IdAtlas> {
         let n = self.settings.resolution;
         let count = batch.receivers.len();
         let layout = AtlasLayout { resolution: n, columns: 1, rows: count as u32 };
@@ -70,9 +71,12 @@ impl CpuGatherer {
         }
         let jobs = self.jobs(batch, &mut tiles);
         let new_scratch = || (Raster::new(n), SplatLanes::new(&[], &[], self.shape));
-        jobs.into_par_iter()
-            .for_each_init(new_scratch, |(raster, lanes), job| self.draw_group(raster, lanes, job));
-        atlas
+        jobs.into_par_iter().try_for_each_init(new_scratch, |(raster, lanes), job| {
+            interrupt::check()?;
+            self.draw_group(raster, lanes, job);
+            Ok(())
+        })?;
+        Ok(atlas)
     }
 
     /// Splits a batch into its groups, or into pieces that see everything.
@@ -131,7 +135,7 @@ impl Gatherer for CpuGatherer {
     }
 
     fn submit(&mut self, batch: Batch) -> Result<()> {
-        let atlas = self.draw(&batch);
+        let atlas = self.draw(&batch)?;
         self.finished.push_back(Gathered { batch, output: Output::Ids(atlas) });
         Ok(())
     }

@@ -61,6 +61,11 @@ pub trait Gatherer: Send {
     /// Batches that may be under way at once.
     fn frames_in_flight(&self) -> usize;
 
+    /// Bytes that the device sends back for a finished atlas; 0 where the ids are drawn into host memory.
+    fn readback_bytes(&self, _atlas: &IdAtlas) -> usize {
+        0
+    }
+
     /// Starts a batch. Blocks while `frames_in_flight` batches are unfinished only in the sense that the caller must call
     /// [`Gatherer::finish`] first: submitting more is a programming error.
     ///

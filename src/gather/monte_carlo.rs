@@ -9,6 +9,7 @@ use crate::direct::sequence::Sequence;
 use crate::direct::{Emitters, Lights, LitPoint};
 use crate::error::Result;
 use crate::hemicube::frame::Receiver;
+use crate::interrupt;
 use crate::math::{Frame, Rng, cosine_hemisphere};
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
@@ -197,7 +198,8 @@ impl Gatherer for MonteCarloGatherer<'_> {
 
     fn submit(&mut self, batch: Batch) -> Result<()> {
         assert!(self.finished.is_none(), "finish the batch under way before submitting another");
-        let irradiance = batch.receivers.par_iter().map(|receiver| self.irradiance(receiver)).collect();
+        let irradiance = |receiver| interrupt::check().map(|()| self.irradiance(receiver));
+        let irradiance = batch.receivers.par_iter().map(irradiance).collect::<Result<_>>()?;
         self.finished = Some(Gathered { batch, output: Output::Irradiance(irradiance) });
         Ok(())
     }

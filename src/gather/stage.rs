@@ -1,7 +1,8 @@
 //! The gather stage: keeps a gatherer's frames in flight full, on a thread of its own.
 
-use super::{Batch, Gathered, Gatherer};
+use super::{Batch, Gathered, Gatherer, Output};
 use crate::error::{Error, Result};
+use crate::interrupt;
 use crate::run::Run;
 use crate::stats::Stage;
 use crossbeam::channel::{Receiver, Sender, TryRecvError, bounded, unbounded};
@@ -72,6 +73,7 @@ fn pump(
     let mut in_flight = 0;
     let mut open = true;
     while open || in_flight > 0 {
+        interrupt::check()?;
         if open && in_flight < gatherer.frames_in_flight() {
             match next_batch(input, in_flight == 0) {
                 Ok(batch) => {
@@ -86,14 +88,26 @@ fn pump(
                 Err(TryRecvError::Empty) => {}
             }
         }
-        let Some(gathered) = run.clock.time(Stage::Gather, || gatherer.finish())? else { continue };
-        run.counters.count_batch(gathered.batch.receivers.len());
+        let Some(gathered) = finish(gatherer, run)? else { continue };
         in_flight -= 1;
         if output.send(Ok(gathered)).is_err() {
             return Ok(());
         }
     }
     Ok(())
+}
+
+/// Waits for the oldest batch and counts it.
+fn finish(gatherer: &mut dyn Gatherer, run: &Run) -> Result<Option<Gathered>> {
+    let finished = run.clock.time(Stage::Gather, || gatherer.finish())?;
+    if let Some(gathered) = &finished {
+        run.counters.count_batch(gathered.batch.receivers.len());
+        gathered.batch.groups.iter().for_each(|group| run.counters.count_cut(group.drawables as usize));
+        if let Output::Ids(atlas) = &gathered.output {
+            run.counters.count_readback(gatherer.readback_bytes(atlas));
+        }
+    }
+    Ok(finished)
 }
 
 /// Waits only when the device has nothing else to do.
@@ -104,21 +118,23 @@ fn next_batch(input: &Receiver<Batch>, wait: bool) -> std::result::Result<Batch,
 /// Gathers a list of batches from start to end and calls `finished` with each, in order.
 ///
 /// # Errors
-/// When the device or `finished` fails.
+/// When the device or `finished` fails, or the user interrupts.
 pub fn gather_all(
     gatherer: &mut dyn Gatherer,
     batches: Vec<Batch>,
+    run: &Run,
     mut finished: impl FnMut(Gathered) -> Result<()>,
 ) -> Result<()> {
     let mut batches = batches.into_iter().peekable();
     let mut in_flight = 0;
     while batches.peek().is_some() || in_flight > 0 {
+        interrupt::check()?;
         if in_flight < gatherer.frames_in_flight()
             && let Some(batch) = batches.next()
         {
-            gatherer.submit(batch)?;
+            run.clock.time(Stage::Gather, || gatherer.submit(batch))?;
             in_flight += 1;
-        } else if let Some(gathered) = gatherer.finish()? {
+        } else if let Some(gathered) = finish(gatherer, run)? {
             in_flight -= 1;
             finished(gathered)?;
         }

@@ -2,7 +2,9 @@
 
 use super::points::{CameraSample, ShadingPoint, View};
 use crate::direct::{Gloss, LitPoint, Sampling};
+use crate::error::Result;
 use crate::film::{Film, PixelValue};
+use crate::interrupt;
 use crate::settings::{Emitters, Settings};
 use crate::world::World;
 use glam::Vec3;
@@ -12,17 +14,21 @@ use std::f32::consts::PI;
 pub use crate::direct::DirectLight;
 
 /// Direct light of all points, in parallel; nothing where the gather itself sees the emitters.
-pub fn direct_light(world: &World, settings: &Settings, points: &[ShadingPoint]) -> Vec<DirectLight> {
+///
+/// # Errors
+/// When the user interrupts.
+pub fn direct_light(world: &World, settings: &Settings, points: &[ShadingPoint]) -> Result<Vec<DirectLight>> {
     if settings.emitters == Emitters::Gather {
-        return vec![DirectLight::default(); points.len()];
+        return Ok(vec![DirectLight::default(); points.len()]);
     }
     let light = |p: &ShadingPoint| {
+        interrupt::check()?;
         let material = &world.scene.materials[p.material as usize];
         let gloss = (material.specular != Vec3::ZERO)
             .then_some(Gloss { to_eye: p.to_camera, shininess: material.shininess });
         let point = LitPoint { position: p.position, normal: p.shading_normal, geometric_normal: p.normal };
         let sampling = Sampling { seed: settings.seed, stream: p.sample, samples: settings.light_samples };
-        world.lights.shade(&world.accel, &point, gloss, sampling)
+        Ok(world.lights.shade(&world.accel, &point, gloss, sampling))
     };
     points.par_iter().with_min_len(64).map(light).collect()
 }

@@ -3,6 +3,8 @@
 
 use super::kdtree::KdTree;
 use super::patch::ALIKE;
+use crate::error::Result;
+use crate::interrupt;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::BinaryHeap;
@@ -40,9 +42,12 @@ impl Surface {
 
 /// Indices of the `keep` points that are left when the most crowded point is taken away again and again. Points crowd each
 /// other only where their sides (unit normals) are alike, so that the two sides of a thin wall do not.
-pub fn eliminate(points: &[(Vec3, Vec3)], keep: usize, surface: &Surface) -> Vec<u32> {
+///
+/// # Errors
+/// When the user interrupts.
+pub fn eliminate(points: &[(Vec3, Vec3)], keep: usize, surface: &Surface) -> Result<Vec<u32>> {
     if points.len() <= keep {
-        return (0..points.len() as u32).collect();
+        return Ok((0..points.len() as u32).collect());
     }
     let tree = KdTree::new(points.iter().map(|p| p.0));
     let sides: Vec<Vec3> = tree.order.iter().map(|&i| points[i as usize].1).collect();
@@ -81,7 +86,7 @@ impl Crowd {
 
     /// Weights only ever fall, so an entry of the heap that is out of date is set right when it comes to the top instead of
     /// being moved at every change.
-    fn thin_out(&self, keep: usize) -> Vec<u32> {
+    fn thin_out(&self, keep: usize) -> Result<Vec<u32>> {
         let count = self.sides.len();
         let mut weights: Vec<f32> =
             (0..count).into_par_iter().with_min_len(PARALLEL).map(|slot| self.weigh(slot)).collect();
@@ -97,11 +102,12 @@ impl Crowd {
                 continue;
             }
             PeekMut::pop(top);
+            interrupt::check()?;
             alive[slot] = false;
             left -= 1;
             self.neighbours(slot, |other, weight| weights[other] = (weights[other] - weight).max(0.0));
         }
-        (0..count).filter(|&slot| alive[slot]).map(|slot| self.tree.order[slot]).collect()
+        Ok((0..count).filter(|&slot| alive[slot]).map(|slot| self.tree.order[slot]).collect())
     }
 }
 
@@ -134,7 +140,7 @@ mod tests {
     #[test]
     fn what_is_left_keeps_its_distance() {
         let points = unit_square(2000);
-        let kept = eliminate(&points, 500, &SQUARE);
+        let kept = eliminate(&points, 500, &SQUARE).unwrap();
         assert_eq!(kept.len(), 500);
         let left: Vec<Vec3> = kept.iter().map(|&i| points[i as usize].0).collect();
         let relative = closest_pair(&left) / SQUARE.spacing(500);
@@ -145,13 +151,13 @@ mod tests {
     fn the_two_sides_of_a_wall_do_not_thin_each_other_out() {
         let front = unit_square(400);
         let both: Vec<(Vec3, Vec3)> = front.iter().flat_map(|&(p, n)| [(p, n), (p, -n)]).collect();
-        let kept = eliminate(&both, 200, &Surface { area: 2.0, outline: 8.0 });
+        let kept = eliminate(&both, 200, &Surface { area: 2.0, outline: 8.0 }).unwrap();
         let on_front = kept.iter().filter(|&&i| i % 2 == 0).count();
         assert!((90..=110).contains(&on_front), "{on_front} of 200 on the front");
     }
 
     #[test]
     fn nothing_is_eliminated_when_there_is_too_little() {
-        assert_eq!(eliminate(&unit_square(5), 7, &SQUARE).len(), 5);
+        assert_eq!(eliminate(&unit_square(5), 7, &SQUARE).unwrap().len(), 5);
     }
 }

@@ -12,6 +12,7 @@ use super::sample::samples;
 use super::share::{Centres, Measure, recentre};
 use crate::accel::Accel;
 use crate::error::{Error, Result};
+use crate::interrupt;
 use crate::math::Rng;
 use crate::scene::Scene;
 use glam::Vec3;
@@ -54,7 +55,7 @@ pub struct GenerateSettings {
 /// The cloud of a scene, still dark: `shade` fills in the radiance.
 ///
 /// # Errors
-/// When the settings ask for no surfels at all or for more than [`MOST_SURFELS`].
+/// When the settings ask for no surfels at all or for more than [`MOST_SURFELS`], or the user interrupts.
 pub fn generate(scene: &Scene, accel: &Accel, settings: &GenerateSettings) -> Result<SurfelCloud> {
     let plan = Plan::new(scene, settings.density)?;
     let closed = ClosedTest::new(scene, accel);
@@ -67,7 +68,7 @@ pub fn generate(scene: &Scene, accel: &Accel, settings: &GenerateSettings) -> Re
             let mut rng = Rng::new(settings.seed, i as u64);
             cover(scene, patch, count as usize, settings.shape, &mut rng)
         })
-        .collect();
+        .collect::<Result<_>>()?;
     Ok(assemble(scene, &closed, settings.shape, &parts))
 }
 
@@ -149,7 +150,14 @@ struct Surfel {
 }
 
 /// Covers a patch with about `count` surfels.
-fn cover(scene: &Scene, patch: &Patch, count: usize, shape: SurfelShape, rng: &mut Rng) -> Vec<Surfel> {
+fn cover(
+    scene: &Scene,
+    patch: &Patch,
+    count: usize,
+    shape: SurfelShape,
+    rng: &mut Rng,
+) -> Result<Vec<Surfel>> {
+    interrupt::check()?;
     let wanted = count * SAMPLES;
     let elements = patch.elements(scene, wanted);
     let samples = samples(scene, &elements, wanted, rng);
@@ -158,10 +166,11 @@ fn cover(scene: &Scene, patch: &Patch, count: usize, shape: SurfelShape, rng: &m
 
     let candidates: Vec<(Vec3, Vec3)> = points.iter().step_by(STRIDE).copied().collect();
     let surface = Surface { area: patch.area, outline: patch.outline };
-    let mut chosen = eliminate(&candidates, count, &surface);
+    let mut chosen = eliminate(&candidates, count, &surface)?;
     chosen.iter_mut().for_each(|c| *c *= STRIDE as u32);
 
     for _ in 0..STEPS {
+        interrupt::check()?;
         let owners = Centres::new(&select(&points, &chosen)).owners(&points);
         chosen = recentre(&points, &chosen, &owners);
     }
@@ -179,7 +188,7 @@ fn cover(scene: &Scene, patch: &Patch, count: usize, shape: SurfelShape, rng: &m
     let measure =
         Measure { points: &points, counted: samples.len(), owners: &owners, area: patch.area, shape };
     let shares = measure.shares(&surfels, &normals, &centres);
-    (0..chosen.len())
+    let covered = (0..chosen.len())
         .filter(|&i| shares[i].fraction > 0.0)
         .map(|i| Surfel {
             position: surfels[i].0,
@@ -188,7 +197,8 @@ fn cover(scene: &Scene, patch: &Patch, count: usize, shape: SurfelShape, rng: &m
             area: (f64::from(shares[i].fraction) * patch.area) as f32,
             primitive: element(chosen[i]).primitive,
         })
-        .collect()
+        .collect();
+    Ok(covered)
 }
 
 fn select(points: &[(Vec3, Vec3)], chosen: &[u32]) -> Vec<(Vec3, Vec3)> {

@@ -3,6 +3,8 @@
 use super::cloud::{FLAG_TWO_SIDED, SurfelCloud};
 use crate::accel::Accel;
 use crate::direct::{Emitters, Lights, LitPoint, Sampling};
+use crate::error::Result;
+use crate::interrupt;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
@@ -20,7 +22,15 @@ pub struct ShadeSettings {
 
 /// Fills `radiance`, and `back_radiance` if any surfel is two-sided, W sr-1 m-2: direct light after one diffuse reflection
 /// ([`Emitters::Sample`]), or the emission alone ([`Emitters::Gather`]).
-pub fn shade(cloud: &mut SurfelCloud, accel: &Accel, lights: &Lights, settings: &ShadeSettings) {
+///
+/// # Errors
+/// When the user interrupts.
+pub fn shade(
+    cloud: &mut SurfelCloud,
+    accel: &Accel,
+    lights: &Lights,
+    settings: &ShadeSettings,
+) -> Result<()> {
     let two_sided = cloud.flags.iter().any(|flags| flags & FLAG_TWO_SIDED != 0);
     match settings.emitters {
         Emitters::Gather => {
@@ -30,17 +40,18 @@ pub fn shade(cloud: &mut SurfelCloud, accel: &Accel, lights: &Lights, settings: 
         Emitters::Sample => {
             let surfels = 0..cloud.len();
             let front = |i| reflected(cloud, i, Side::Front, accel, lights, settings);
-            let radiance = surfels.clone().into_par_iter().map(front).collect();
+            let radiance = surfels.clone().into_par_iter().map(front).collect::<Result<_>>()?;
             let back = |i| match cloud.flags[i] & FLAG_TWO_SIDED {
-                0 => Vec3::ZERO,
+                0 => Ok(Vec3::ZERO),
                 _ => reflected(cloud, i, Side::Back, accel, lights, settings),
             };
             let backs = if two_sided { surfels } else { 0..0 };
-            let back_radiance = backs.into_par_iter().map(back).collect();
+            let back_radiance = backs.into_par_iter().map(back).collect::<Result<_>>()?;
             cloud.radiance = radiance;
             cloud.back_radiance = back_radiance;
         }
     }
+    Ok(())
 }
 
 #[derive(Clone, Copy)]
@@ -57,10 +68,11 @@ fn reflected(
     accel: &Accel,
     lights: &Lights,
     settings: &ShadeSettings,
-) -> Vec3 {
+) -> Result<Vec3> {
+    interrupt::check()?;
     let albedo = cloud.albedo[surfel];
     if albedo == Vec3::ZERO {
-        return Vec3::ZERO;
+        return Ok(Vec3::ZERO);
     }
     // Each side has its own stream.
     let (normal, stream) = match side {
@@ -69,5 +81,5 @@ fn reflected(
     };
     let point = LitPoint::flat(cloud.position[surfel], normal);
     let sampling = Sampling { seed: settings.seed, stream: stream as u64, samples: settings.samples };
-    albedo * FRAC_1_PI * lights.irradiance(accel, &point, sampling)
+    Ok(albedo * FRAC_1_PI * lights.irradiance(accel, &point, sampling))
 }

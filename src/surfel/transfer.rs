@@ -11,6 +11,9 @@ use crate::gather::{Gatherer, Output};
 use crate::hemicube::atlas::IdAtlas;
 use crate::hemicube::convolve::Convolver;
 use crate::hemicube::weights::Weights;
+use crate::interrupt;
+use crate::run::Run;
+use crate::stats::Stage;
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -31,27 +34,28 @@ impl Transfer {
     /// Stores the form factors of gathers at `receivers`, one for each of `sides`.
     ///
     /// # Errors
-    /// When the device fails, the gatherer gives no ids, or the matrix outgrows memory.
+    /// When the device fails, the gatherer gives no ids, the matrix outgrows memory, or the user interrupts.
     pub fn gather(
         sides: Vec<u32>,
         ordered: Ordered,
         drawables: &Drawables,
         weights: &Weights,
         gatherer: &mut dyn Gatherer,
+        run: &Run,
     ) -> Result<Self> {
+        let progress = run.reporter.progress("bouncing", sides.len() as u64);
         let convolver = Convolver::new(drawables, weights, Vec3::ZERO);
         let mut transfer =
             Self { rows: vec![Vec::new(); sides.len()], background: vec![0.0; sides.len()], sides };
         let mut bytes = 0;
-        gather_all(gatherer, ordered.batches, |gathered| {
+        gather_all(gatherer, ordered.batches, run, |gathered| {
             let Output::Ids(atlas) = gathered.output else {
                 return Err(Error::Failed("this gatherer gives no surfel ids to bounce light with".into()));
             };
             let receivers = &gathered.batch.receivers;
-            let rows: Vec<(Vec<(u32, f32)>, f32)> = (0..receivers.len())
-                .into_par_iter()
-                .map(|i| row(drawables, &convolver, &atlas, i, receivers[i].position))
-                .collect();
+            let row = |i: usize| row(drawables, &convolver, &atlas, i, receivers[i].position);
+            let rows: Vec<(Vec<(u32, f32)>, f32)> =
+                run.clock.time(Stage::Convolve, || (0..receivers.len()).into_par_iter().map(row).collect());
             bytes += rows.iter().map(|(row, _)| size_of_val(row.as_slice())).sum::<usize>();
             if bytes > MEMORY_LIMIT {
                 let message = "the form factors of these surfels need over 8 GiB: use fewer surfels";
@@ -61,6 +65,7 @@ impl Transfer {
                 let side = ordered.order[gathered.batch.first + j] as usize;
                 (transfer.rows[side], transfer.background[side]) = (row, background);
             }
+            progress.advance(receivers.len() as u64);
             Ok(())
         })?;
         Ok(transfer)
@@ -68,6 +73,9 @@ impl Transfer {
 
     /// Adds `bounces` reflections to the radiance that the cloud holds (its light before any of them), or fewer when the
     /// relative change falls below `tolerance`. Returns how many were made.
+    ///
+    /// # Errors
+    /// When the user interrupts.
     pub fn bounce(
         &self,
         cloud: &mut SurfelCloud,
@@ -75,9 +83,10 @@ impl Transfer {
         background: Vec3,
         bounces: u32,
         tolerance: f32,
-    ) -> u32 {
+    ) -> Result<u32> {
         let emitted = [cloud.radiance.clone(), cloud.back_radiance.clone()];
         for bounce in 1..=bounces {
+            interrupt::check()?;
             let reflected = self.reflect(cloud, tree, background);
             let mut next = emitted.clone();
             for (&side, light) in self.sides.iter().zip(reflected) {
@@ -90,10 +99,10 @@ impl Transfer {
             let brightest = new().map(|l| l.max_element()).fold(0.0, f32::max);
             (cloud.radiance, cloud.back_radiance) = (front, back);
             if change <= tolerance * brightest {
-                return bounce;
+                return Ok(bounce);
             }
         }
-        bounces
+        Ok(bounces)
     }
 
     /// Light that each side reflects of what the others send: albedo F L.
@@ -128,7 +137,7 @@ pub fn reflecting_sides(cloud: &SurfelCloud) -> Vec<u32> {
 /// Position and outward normal of a side.
 pub fn side_frame(cloud: &SurfelCloud, side: u32) -> (Vec3, Vec3) {
     let i = (side / 2) as usize;
-    (cloud.position[i], if side % 2 == 0 { cloud.normal[i] } else { -cloud.normal[i] })
+    (cloud.position[i], if side.is_multiple_of(2) { cloud.normal[i] } else { -cloud.normal[i] })
 }
 
 /// The form factors of one hemicube, and that of the background.

@@ -256,6 +256,10 @@ impl Gatherer for VulkanGatherer {
         self.slots.len()
     }
 
+    fn readback_bytes(&self, atlas: &IdAtlas) -> usize {
+        size_of_val(atlas.texels.as_slice())
+    }
+
     fn submit(&mut self, batch: Batch) -> Result<()> {
         let hemicubes = batch.receivers.len();
         let splats = splats_drawn(&batch, self.splats.count) / hemicubes.max(1) as f64;

@@ -47,7 +47,7 @@ fn receivers(world: &World, view: &View) -> Vec<Receiver> {
 
 fn ids(gatherer: &mut dyn Gatherer, batches: Vec<Batch>) -> Vec<Vec<u32>> {
     let mut tiles = Vec::new();
-    gather_all(gatherer, batches, |gathered| {
+    gather_all(gatherer, batches, &Run::default(), |gathered| {
         let Output::Ids(atlas) = gathered.output else { panic!("hemicube gatherers give ids") };
         tiles.extend((0..gathered.batch.receivers.len()).map(|i| atlas.tile(i)));
         Ok(())

@@ -24,10 +24,13 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Render a scene to a picture
+    #[command(allow_negative_numbers = true)]
     Render(render::RenderArgs),
     /// Read points and normals from standard input, write the irradiance at each to standard output
+    #[command(allow_negative_numbers = true)]
     Irradiance(irradiance::IrradianceArgs),
     /// Generate a scene's surfel cloud and write it to a file
+    #[command(allow_negative_numbers = true)]
     Surfels(surfels::SurfelsArgs),
     /// Measure how far two pictures differ
     Compare(compare::CompareArgs),

@@ -27,6 +27,9 @@ enum Command {
     #[command(allow_negative_numbers = true)]
     Render(render::RenderArgs),
     /// Read points and normals from standard input, write the irradiance at each to standard output
+    ///
+    /// A line in is "x y z nx ny nz" in scene units, a line out "r g b" in W m-2, in the same order. Empty lines and those
+    /// that begin with # are skipped.
     #[command(allow_negative_numbers = true)]
     Irradiance(irradiance::IrradianceArgs),
     /// Generate a scene's surfel cloud and write it to a file

@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::film::{Aov, Film};
 use crate::gather::stage::GatherStage;
-use crate::gather::{Gathered, Output};
+use crate::gather::{Gathered, Gatherer, Output};
 use crate::hemicube::convolve::Convolver;
 use crate::interrupt;
 use crate::run::Run;
@@ -48,6 +48,7 @@ pub fn render(world: &World, view: &View, settings: &Settings, aovs: &[Aov], run
         GatherMethod::None => None,
         _ => Some(world.gatherer(settings)?),
     };
+    run.reporter.verbose(|| gatherer.as_deref().map_or("no gather".into(), gatherer_in_words));
     std::thread::scope(|scope| {
         let stage = gatherer.as_deref_mut().map(|g| GatherStage::spawn(scope, g, chunk_samples(view), run));
         let finish = |chunk: Chunk, film: &mut Film| -> Result<()> {
@@ -79,6 +80,11 @@ pub fn render(world: &World, view: &View, settings: &Settings, aovs: &[Aov], run
     })?;
     progress.finish();
     Ok(film)
+}
+
+fn gatherer_in_words(gatherer: &dyn Gatherer) -> String {
+    let (size, in_flight) = (gatherer.batch_size(), gatherer.frames_in_flight());
+    format!("up to {size} hemicubes a batch, up to {in_flight} batches under way at once")
 }
 
 /// Whole pixels, so that a pixel's samples meet in one chunk.

@@ -68,7 +68,7 @@ impl World {
             device: choose_device(settings)?,
             closed: ClosedTest::none(),
         };
-        run.reporter.info(&format!("device {}: {}", world.device.name, world.device.reason));
+        run.reporter.info(&format!("device: {} ({})", world.device.name, world.device.reason));
         run.reporter.verbose(|| format!("features: {}", world.scene.features().join(", ")));
         if settings.gather == GatherMethod::Hemicube {
             world.cloud = run.clock.time(Stage::Surfels, || world.surfels(cloud, settings))?;
@@ -76,6 +76,7 @@ impl World {
             world.tree =
                 run.clock.time(Stage::Tree, || (settings.lod > 0.0).then(|| SurfelTree::new(&world.cloud)));
             world.drawables = Drawables::new(&world.cloud, world.tree.as_ref());
+            run.reporter.verbose(|| world.surfels_in_words(settings));
             world.bounce(settings, run)?;
         }
         Ok(world)
@@ -126,6 +127,14 @@ impl World {
             }
         }
         self.drawables.relight(&self.cloud, self.tree.as_ref());
+    }
+
+    fn surfels_in_words(&self, settings: &Settings) -> String {
+        let (surfels, n) = (self.cloud.len(), settings.face_resolution);
+        let clusters = self.drawables.len() - surfels;
+        format!(
+            "{surfels} surfels, {clusters} clusters of them, to be drawn into hemicubes of {n} x {n} pixels"
+        )
     }
 
     /// Gathers at every surfel.

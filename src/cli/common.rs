@@ -31,19 +31,19 @@ pub struct SceneArgs {
 /// Where the camera stands, for scenes without one or to replace the scene's own.
 #[derive(Debug, Args)]
 pub struct CameraArgs {
-    /// The camera's position
+    /// The camera's position, instead of the scene's own camera; with --look-at
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = numbers::<3>, requires = "look_at")]
     pub look_from: Option<[f64; 3]>,
 
-    /// The point that the camera looks at
+    /// The point that the camera looks at; with --look-from
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = numbers::<3>, requires = "look_from")]
     pub look_at: Option<[f64; 3]>,
 
-    /// The direction that is up in the picture
+    /// The direction that is up in the picture; with --look-from
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = numbers::<3>, default_value = "0,1,0", requires = "look_from")]
     pub up: [f64; 3],
 
-    /// Horizontal field of view, degrees
+    /// Horizontal field of view, degrees; with --look-from
     #[arg(long, value_name = "DEGREES", default_value_t = 40.0, value_parser = field_of_view, requires = "look_from")]
     pub fov: f64,
 }

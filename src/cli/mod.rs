@@ -24,10 +24,16 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Render a scene to a picture
+    #[command(allow_negative_numbers = true)]
     Render(render::RenderArgs),
     /// Read points and normals from standard input, write the irradiance at each to standard output
+    ///
+    /// A line in is "x y z nx ny nz" in scene units, a line out "r g b" in W m-2, in the same order. Empty lines and those
+    /// that begin with # are skipped.
+    #[command(allow_negative_numbers = true)]
     Irradiance(irradiance::IrradianceArgs),
     /// Generate a scene's surfel cloud and write it to a file
+    #[command(allow_negative_numbers = true)]
     Surfels(surfels::SurfelsArgs),
     /// Measure how far two pictures differ
     Compare(compare::CompareArgs),

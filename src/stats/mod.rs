@@ -173,7 +173,6 @@ impl Stats {
             // Writing to a string cannot fail.
             let _ = writeln!(text, "{label:<10} {value}");
         };
-        line("device", format!("{} ({})", self.device.name, self.device.kind));
         line("surfels", format!("{} in {} nodes", self.surfels, self.nodes));
         let rate = self.gathers_per_second().map(|rate| format!(", {rate:.0} a second")).unwrap_or_default();
         let cut = self.cut_nodes_mean.map(|mean| format!(", {mean:.0} nodes a cut")).unwrap_or_default();

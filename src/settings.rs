@@ -98,7 +98,7 @@ impl Default for Settings {
             face_resolution: 8,
             density: SurfelDensity::Count(14_000),
             shape: SurfelShape::Disc,
-            lod: 1.0,
+            lod: 2.0,
             bounces: Bounces::Count(1),
             emitters: Emitters::Sample,
             light_samples: 4,

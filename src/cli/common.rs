@@ -84,7 +84,7 @@ pub struct TransportArgs {
     pub surfel_shape: SurfelShape,
 
     /// Largest size, in hemicube pixels, at which a cluster of surfels is drawn as one disc; 0 draws surfels only
-    #[arg(long, value_name = "PIXELS", default_value_t = 1.0, value_parser = lod)]
+    #[arg(long, value_name = "PIXELS", default_value_t = 2.0, value_parser = lod)]
     pub lod: f32,
 
     /// Number of indirect bounces, or 'inf'

@@ -7,8 +7,8 @@ use crate::error::{Error, Result};
 use crate::gather::stage::gather_all;
 use crate::math::hash32;
 use crate::render::estimates;
-use crate::scene::Scene;
 use crate::settings::{Bounces, Emitters, GatherMethod, Settings};
+use crate::scene::Scene;
 use crate::world::World;
 use clap::{Args, ValueEnum};
 use glam::{DVec3, Vec3};
@@ -71,11 +71,8 @@ fn print_irradiance(args: &IrradianceArgs) -> Result<()> {
     if settings.gather != GatherMethod::None {
         let mut gatherer = world.gatherer(&settings)?;
         let seed = |i: usize| hash32(settings.seed ^ hash32(i as u32));
-        let receivers: Vec<_> = points
-            .par_iter()
-            .enumerate()
-            .map(|(i, p)| world.receiver(p.position, p.normal, seed(i)))
-            .collect();
+        let receivers: Vec<_> =
+            points.par_iter().enumerate().map(|(i, p)| world.receiver(p.position, p.normal, seed(i))).collect();
         let ordered = world.order(&receivers, &settings, gatherer.batch_size());
         let convolver = world.convolver();
         gather_all(gatherer.as_mut(), ordered.batches, |gathered| {

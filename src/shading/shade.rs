@@ -20,8 +20,10 @@ pub fn direct_light(world: &World, settings: &Settings, points: &[ShadingPoint])
         let material = &world.scene.materials[p.material as usize];
         let gloss = (material.specular != Vec3::ZERO)
             .then_some(Gloss { to_eye: p.to_camera, shininess: material.shininess });
-        let point = LitPoint { position: p.position, normal: p.shading_normal, geometric_normal: p.normal };
-        let sampling = Sampling { seed: settings.seed, stream: p.sample, samples: settings.light_samples };
+        let point =
+            LitPoint { position: p.position, normal: p.shading_normal, geometric_normal: p.normal };
+        let sampling =
+            Sampling { seed: settings.seed, stream: p.sample, samples: settings.light_samples };
         world.lights.shade(&world.accel, &point, gloss, sampling)
     };
     points.par_iter().with_min_len(64).map(light).collect()
@@ -46,9 +48,7 @@ pub fn develop(
         for sample in samples {
             value += match sample {
                 CameraSample::Background => PixelValue::background(world.scene.background),
-                CameraSample::Surface(point) if point.black => {
-                    PixelValue::black(point.normal, depth(world, point))
-                }
+                CameraSample::Surface(point) if point.black => PixelValue::black(point.normal, depth(world, point)),
                 CameraSample::Surface(point) => match lit.next() {
                     Some((direct, indirect)) => surface(world, point, direct, *indirect),
                     None => PixelValue::default(),

@@ -193,6 +193,12 @@ pub fn offset_origin(position: Vec3, normal: Vec3, direction: Vec3) -> Vec3 {
     position + normal * RAY_OFFSET.copysign(normal.dot(direction))
 }
 
+/// Corners of the box around a primitive.
+pub fn primitive_box(scene: &Scene, primitive: PrimitiveId) -> (Vec3, Vec3) {
+    let bounds = primitive_bounds(scene, primitive);
+    (bounds.min.into(), bounds.max.into())
+}
+
 fn primitive_bounds(scene: &Scene, primitive: PrimitiveId) -> Aabb {
     let around = |q: &Quadric, round: bool| {
         let m = q.to_scene.matrix3;

@@ -60,8 +60,7 @@ pub fn render(world: &World, view: &View, settings: &Settings, aovs: &[Aov], run
         let mut pending = VecDeque::new();
         for first in (0..view.sample_count()).step_by(chunk_samples(view)) {
             interrupt::check()?;
-            let samples =
-                run.clock.time(Stage::Trace, || view.trace(&world.accel, first, chunk_samples(view)));
+            let samples = run.clock.time(Stage::Trace, || view.trace(&world.accel, first, chunk_samples(view)));
             let points = shading_points(&samples);
             run.counters.count_shading_points(points.len());
             let order = match &stage {
@@ -105,12 +104,7 @@ fn shading_points(samples: &[CameraSample]) -> Vec<ShadingPoint> {
 }
 
 /// Sends the points to the gather thread, batch by batch; returns the order in which results come.
-fn submit(
-    world: &World,
-    points: &[ShadingPoint],
-    settings: &Settings,
-    stage: &GatherStage,
-) -> Result<Vec<u32>> {
+fn submit(world: &World, points: &[ShadingPoint], settings: &Settings, stage: &GatherStage) -> Result<Vec<u32>> {
     let receivers: Vec<_> = points
         .par_iter()
         .with_min_len(64)
@@ -122,12 +116,7 @@ fn submit(
 }
 
 /// Waits for all of a chunk's batches and returns the irradiance of its points.
-fn collect(
-    chunk: &Chunk,
-    stage: Option<&GatherStage>,
-    convolver: &Convolver,
-    run: &Run,
-) -> Result<Vec<Vec3>> {
+fn collect(chunk: &Chunk, stage: Option<&GatherStage>, convolver: &Convolver, run: &Run) -> Result<Vec<Vec3>> {
     let mut irradiance = vec![Vec3::ZERO; chunk.points.len()];
     let mut received = 0;
     while let Some(stage) = stage.filter(|_| received < chunk.points.len()) {

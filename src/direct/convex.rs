@@ -42,15 +42,12 @@ impl ConvexLight {
 
     /// What a receiver sees of it.
     pub(super) fn view(&self, local: &Local) -> Option<View<'_>> {
-        let mut clipper = Clipper::new(local.scene_vector(DVec3::Z));
-        let mut outside = false;
-        self.silhouette.visit(local.origin(), |a, b| {
-            outside = true;
-            clipper.push(a, b);
-        });
-        if !outside {
+        let edges = self.silhouette.edges(local.origin());
+        if edges.len() == 0 {
             return self.view_from_inside(local);
         }
+        let mut clipper = Clipper::new(local.scene_vector(DVec3::Z), edges.len());
+        edges.for_each(|edge| clipper.push(edge));
         let contour = clipper.finish()?;
         let unshadowed = self.radiance * contour.irradiance() as f32;
         Some(View::convex(unshadowed, self.seen(local, Region::Contour(contour))))

@@ -1,10 +1,11 @@
-//! Direct light from more emitters than can be summed one by one: points chosen by power, and cosine-weighted rays that
-//! happen to meet emitters, joined by the balance heuristic (Veach and Guibas 1995). The cost is bounded by the samples.
+//! Direct light from more emitters than can be summed one by one: points on emitters chosen by a light tree, and
+//! cosine-weighted rays that happen to meet emitters, joined by the balance heuristic (Veach and Guibas 1995). The cost is bounded by the samples.
 
 use super::DirectLight;
+use super::light_tree::{Cone, Emitting, LightTree};
 use super::sequence::Sequence;
 use super::shadow::Query;
-use crate::accel::offset_origin;
+use crate::accel::{offset_origin, primitive_box};
 use crate::math::{Frame, cosine_hemisphere, luminance, uniform_sphere, uniform_triangle};
 use crate::scene::{Located, PrimitiveId, Quadric, Scene};
 use glam::{Vec2, Vec3, Vec3A};
@@ -15,13 +16,12 @@ const SPHERE_AREA: f32 = 4.0 * PI;
 /// Area of the cube [-1, 1]^3.
 const CUBE_AREA: f32 = 24.0;
 
-/// Emissive primitives, chosen in proportion to their power.
+/// Emissive primitives, chosen by what they may contribute.
 #[derive(Debug, Clone)]
 pub(super) struct ManyEmitters {
     /// In ascending order.
     primitives: Vec<PrimitiveId>,
-    /// Sums of relative powers up to and including each primitive's; the last is 1.
-    cumulative: Vec<f64>,
+    tree: LightTree,
 }
 
 /// A point chosen on an emitter.
@@ -38,37 +38,28 @@ struct AreaSample {
 
 impl ManyEmitters {
     pub(super) fn new(scene: &Scene, primitives: Vec<PrimitiveId>) -> Self {
-        let mut sum = 0.0;
-        let mut cumulative: Vec<f64> = primitives
-            .iter()
-            .map(|&p| {
-                let emission = scene.materials[scene.primitive_material(p) as usize].emission;
-                sum += f64::from(luminance(emission) * area(scene, p));
-                sum
-            })
-            .collect();
-        cumulative.iter_mut().for_each(|c| *c /= sum);
-        Self { primitives, cumulative }
+        let emitters: Vec<Emitting> = primitives.iter().map(|&p| emitting(scene, p)).collect();
+        Self { primitives, tree: LightTree::new(&emitters) }
     }
 
     /// Light that reaches a point, estimated with about `samples` rays.
     pub(super) fn estimate(&self, query: &Query, sequences: [Sequence; 3], samples: u32) -> DirectLight {
         let pairs = samples.div_ceil(2).max(1);
         let [choices, areas, directions] = sequences;
-        let scene = query.accel.scene();
         let mut sum = DirectLight::default();
         for i in 0..pairs {
-            let sample = self.area_sample(scene, choices.point(i).x, areas.point(i));
-            sum += light_from(query, &sample);
+            if let Some(sample) = self.area_sample(query, choices.point(i).x, areas.point(i)) {
+                sum += light_from(query, &sample);
+            }
             sum += self.light_along(query, directions.point(i));
         }
         sum * (1.0 / pairs as f32)
     }
 
-    /// A point on an emitter chosen by power.
-    fn area_sample(&self, scene: &Scene, choice: f32, u: Vec2) -> AreaSample {
-        let last = self.primitives.len() - 1;
-        let i = self.cumulative.partition_point(|&c| c <= f64::from(choice)).min(last);
+    /// A point on an emitter chosen by the tree; `None` when none can shine here.
+    fn area_sample(&self, query: &Query, choice: f32, u: Vec2) -> Option<AreaSample> {
+        let scene = query.accel.scene();
+        let (i, probability) = self.tree.choose(query.point.position, query.point.normal, choice)?;
         let primitive = self.primitives[i];
         let (position, normal, density) = match scene.locate(primitive) {
             Located::Triangle(t) => triangle_sample(&scene.triangles[t], u),
@@ -82,29 +73,25 @@ impl ManyEmitters {
             }
         };
         let material = &scene.materials[scene.primitive_material(primitive) as usize];
-        AreaSample {
+        Some(AreaSample {
             position,
             normal,
-            density: density * self.probability(i),
+            density: density * probability,
             radiance: material.emission,
             two_sided: material.two_sided,
-        }
-    }
-
-    fn probability(&self, i: usize) -> f32 {
-        let before = if i > 0 { self.cumulative[i - 1] } else { 0.0 };
-        (self.cumulative[i] - before) as f32
+        })
     }
 
     /// The density that [`Self::area_sample`] has at a point of an emitter with the given front normal.
-    fn density(&self, scene: &Scene, primitive: PrimitiveId, normal: Vec3) -> Option<f32> {
+    fn density(&self, query: &Query, primitive: PrimitiveId, normal: Vec3) -> Option<f32> {
+        let scene = query.accel.scene();
         let i = self.primitives.binary_search(&primitive).ok()?;
         let own = match scene.locate(primitive) {
             Located::Triangle(_) => 1.0 / area(scene, primitive),
             Located::Sphere(s) => 1.0 / (SPHERE_AREA * stretch(&scene.spheres[s], normal)),
             Located::Cuboid(c) => 1.0 / (CUBE_AREA * stretch(&scene.cuboids[c], normal)),
         };
-        Some(own * self.probability(i))
+        Some(own * self.tree.probability(i, query.point.position, query.point.normal))
     }
 
     /// The share of a cosine-weighted ray.
@@ -120,7 +107,7 @@ impl ManyEmitters {
         };
         let scene = query.accel.scene();
         let material = &scene.materials[hit.material as usize];
-        match self.density(scene, hit.primitive, hit.normal) {
+        match self.density(query, hit.primitive, hit.normal) {
             Some(density) if hit.front || material.two_sided => {
                 let density = density * hit.t * hit.t / hit.normal.dot(direction).abs();
                 arriving(query, direction, material.emission, density)
@@ -128,6 +115,20 @@ impl ManyEmitters {
             _ => DirectLight::default(),
         }
     }
+}
+
+/// What the tree knows of a primitive.
+fn emitting(scene: &Scene, primitive: PrimitiveId) -> Emitting {
+    let material = &scene.materials[scene.primitive_material(primitive) as usize];
+    let (low, high) = primitive_box(scene, primitive);
+    let cone = match scene.locate(primitive) {
+        Located::Triangle(i) if !material.two_sided => {
+            let [a, b, c] = scene.triangles[i];
+            Cone { axis: (b - a).cross(c - a).normalize(), angle: 0.0 }
+        }
+        _ => Cone::ALL,
+    };
+    Emitting { low, high, power: luminance(material.emission) * area(scene, primitive), cone }
 }
 
 /// The share of a point on an emitter.

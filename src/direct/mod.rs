@@ -1,12 +1,13 @@
 //! Direct light: what reaches a point straight from lights and emissive surfaces.
 //!
 //! Up to [`EXACT_LIMIT`] emitters, unshadowed irradiance is exact (Lambert's formula for polygons and for the
-//! silhouettes of convex meshes, the closed form of a sphere) and shadow rays only scale it. Beyond that, a bounded number of samples is chosen by power.
+//! silhouettes of convex meshes, the closed form of a sphere) and shadow rays only scale it. Beyond that, a bounded number of samples is chosen by a light tree.
 
 mod chosen;
 mod collect;
 mod contour;
 mod convex;
+mod light_tree;
 mod local;
 mod many;
 mod merge;

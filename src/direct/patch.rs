@@ -7,6 +7,7 @@
 use super::polygon::{CAPACITY, LocalPolygon, lambert};
 use crate::math::uniform_triangle;
 use glam::{DVec3, Vec2};
+use std::cell::OnceCell;
 use std::f64::consts::PI;
 
 /// Solid angle below which a triangle is sampled by area, sr: the weights hardly vary, and spherical angles lose digits.
@@ -23,6 +24,8 @@ pub(super) struct Patch {
     /// Irradiance from the triangles of the fan up to and including each.
     cumulative: [f64; CAPACITY],
     middle: DVec3,
+    /// The triangles of the fan, each prepared when it is first chosen.
+    prepared: Vec<OnceCell<TrianglePatch>>,
 }
 
 /// A point on a patch.
@@ -50,11 +53,12 @@ impl Patch {
             sum += lambert(&triangle(corners, i));
             *total = sum;
         }
-        (sum > 0.0).then_some(Self { polygon, cumulative, middle })
+        let prepared = vec![OnceCell::new(); corners.len() - 2];
+        (sum > 0.0).then_some(Self { polygon, cumulative, middle, prepared })
     }
 
     fn triangles(&self) -> usize {
-        self.polygon.corners().len() - 2
+        self.prepared.len()
     }
 
     /// Irradiance from the patch with unit radiance, W m-2.
@@ -65,8 +69,9 @@ impl Patch {
     /// The point that belongs to a point of the unit square.
     pub(super) fn sample(&self, u: Vec2) -> PatchSample {
         let (chosen, share, x) = self.choose(f64::from(u.x));
-        let corners = triangle(self.polygon.corners(), chosen);
-        let (point, solid_angle) = sample_triangle(&corners, Vec2::new(x as f32, u.y));
+        let corners = || triangle(self.polygon.corners(), chosen);
+        let patch = self.prepared[chosen].get_or_init(|| TrianglePatch::new(corners()));
+        let (point, solid_angle) = patch.sample(Vec2::new(x as f32, u.y));
         let solid_angle = solid_angle / share;
         let cosine = (point.z / point.length()).max(0.0);
         PatchSample {
@@ -91,22 +96,39 @@ fn triangle(corners: &[DVec3], i: usize) -> [DVec3; 3] {
     [corners[0], corners[i + 1], corners[i + 2]]
 }
 
-/// A point of a triangle and the estimate of the triangle's solid angle that it stands for.
-pub(super) fn sample_triangle(corners: &[DVec3; 3], u: Vec2) -> (DVec3, f64) {
-    let plane = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-    let solid_angle = solid_angle(&corners.map(|c| c.normalize_or_zero()));
-    if solid_angle > SMALL
-        && let Some(direction) = spherical_triangle(corners, u)
-    {
-        // The ray through the direction meets the triangle's plane.
-        let t = plane.dot(corners[0]) / plane.dot(direction);
-        if t.is_finite() && t > 0.0 {
-            return (direction * t, solid_angle);
-        }
+/// A triangle prepared for sampling.
+#[derive(Debug, Clone)]
+pub(super) struct TrianglePatch {
+    corners: [DVec3; 3],
+    /// Normal, as long as twice the area.
+    plane: DVec3,
+    /// Unless the triangle is small or degenerate.
+    spherical: Option<SphericalTriangle>,
+}
+
+impl TrianglePatch {
+    /// The triangle seen from the origin.
+    pub(super) fn new(corners: [DVec3; 3]) -> Self {
+        let plane = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        Self { corners, plane, spherical: SphericalTriangle::new(&corners) }
     }
-    let b = uniform_triangle(u).as_dvec2();
-    let point = corners[0] + (corners[1] - corners[0]) * b.x + (corners[2] - corners[0]) * b.y;
-    (point, 0.5 * plane.dot(point).abs() / point.length().powi(3))
+
+    /// A point of the triangle and the estimate of the triangle's solid angle that it stands for.
+    pub(super) fn sample(&self, u: Vec2) -> (DVec3, f64) {
+        let [a, b, c] = self.corners;
+        if let Some(spherical) = &self.spherical
+            && let Some(direction) = spherical.sample(u)
+        {
+            // The ray through the direction meets the triangle's plane.
+            let t = self.plane.dot(a) / self.plane.dot(direction);
+            if t.is_finite() && t > 0.0 {
+                return (direction * t, spherical.solid_angle);
+            }
+        }
+        let at = uniform_triangle(u).as_dvec2();
+        let point = a + (b - a) * at.x + (c - a) * at.y;
+        (point, 0.5 * self.plane.dot(point).abs() / point.length().powi(3))
+    }
 }
 
 /// Solid angle of a triangle of unit vectors, sr (Van Oosterom and Strackee 1983).
@@ -114,35 +136,69 @@ fn solid_angle([a, b, c]: &[DVec3; 3]) -> f64 {
     2.0 * a.dot(b.cross(*c)).abs().atan2(1.0 + a.dot(*b) + b.dot(*c) + c.dot(*a))
 }
 
-/// Uniform direction within the solid angle of a triangle; `None` when it is degenerate.
-fn spherical_triangle(corners: &[DVec3; 3], u: Vec2) -> Option<DVec3> {
-    let [a, b, c] = corners.map(|v| v.normalize_or_zero());
-    let ab = a.cross(b).try_normalize()?;
-    let bc = b.cross(c).try_normalize()?;
-    let ca = c.cross(a).try_normalize()?;
-    let (alpha, beta, gamma) = (ab.angle_between(-ca), bc.angle_between(-ab), ca.angle_between(-bc));
-
-    // Cut the triangle by an arc from b to a point c' of the side ac, so that a share u.x of its area is on a's side.
-    let area = f64::from(u.x) * (alpha + beta + gamma - PI);
-    let (sin_alpha, cos_alpha) = alpha.sin_cos();
-    let (sin_phi, cos_phi) = (area + PI - alpha).sin_cos();
-    let k1 = cos_phi + cos_alpha;
-    let k2 = sin_phi - sin_alpha * a.dot(b);
-    let numerator = k2 + (k2 * cos_phi - k1 * sin_phi) * cos_alpha;
-    let denominator = (k2 * sin_phi + k1 * cos_phi) * sin_alpha;
-    let cos_side = (numerator / denominator).clamp(-1.0, 1.0);
-    let cut = along_arc(a, c, cos_side)?;
-
-    // Then go from b towards c', uniformly in the cosine.
-    let cos_arc = 1.0 - f64::from(u.y) * (1.0 - cut.dot(b));
-    along_arc(b, cut, cos_arc.clamp(-1.0, 1.0))
+/// The solid angle of a triangle, prepared for uniform directions in it.
+#[derive(Debug, Clone)]
+struct SphericalTriangle {
+    a: DVec3,
+    b: DVec3,
+    /// Unit vector perpendicular to a, in the plane of the side ac, on the side of c.
+    towards_c: DVec3,
+    cos_ab: f64,
+    /// The angle at a.
+    alpha: f64,
+    sin_alpha: f64,
+    cos_alpha: f64,
+    /// Sum of the angles, less pi, sr: it belongs to the same rounding as `alpha`.
+    excess: f64,
+    /// sr.
+    solid_angle: f64,
 }
 
-/// The unit vector at an angle from `from`, towards `to`.
-fn along_arc(from: DVec3, to: DVec3, cosine: f64) -> Option<DVec3> {
-    let aside = to - from * to.dot(from);
-    let direction = from * cosine + aside.normalize_or_zero() * (1.0 - cosine * cosine).max(0.0).sqrt();
-    direction.is_finite().then_some(direction)
+impl SphericalTriangle {
+    /// `None` when it is small or degenerate.
+    fn new(corners: &[DVec3; 3]) -> Option<Self> {
+        let [a, b, c] = corners.map(|v| v.normalize_or_zero());
+        let solid_angle = solid_angle(&[a, b, c]);
+        if solid_angle <= SMALL {
+            return None;
+        }
+        let ab = a.cross(b).try_normalize()?;
+        let bc = b.cross(c).try_normalize()?;
+        let ca = c.cross(a).try_normalize()?;
+        let (alpha, beta, gamma) = (ab.angle_between(-ca), bc.angle_between(-ab), ca.angle_between(-bc));
+        let (sin_alpha, cos_alpha) = alpha.sin_cos();
+        let (towards_c, cos_ab) = (aside(a, c), a.dot(b));
+        let excess = alpha + beta + gamma - PI;
+        Some(Self { a, b, towards_c, cos_ab, alpha, sin_alpha, cos_alpha, excess, solid_angle })
+    }
+
+    fn sample(&self, u: Vec2) -> Option<DVec3> {
+        let Self { sin_alpha, cos_alpha, .. } = *self;
+        // Cut the triangle by an arc from b to a point c' of the side ac, so that a share u.x of its area is on a's side.
+        let area = f64::from(u.x) * self.excess;
+        let (sin_phi, cos_phi) = (area + PI - self.alpha).sin_cos();
+        let k1 = cos_phi + cos_alpha;
+        let k2 = sin_phi - sin_alpha * self.cos_ab;
+        let numerator = k2 + (k2 * cos_phi - k1 * sin_phi) * cos_alpha;
+        let denominator = (k2 * sin_phi + k1 * cos_phi) * sin_alpha;
+        let cos_side = (numerator / denominator).clamp(-1.0, 1.0);
+        let cut = along_arc(self.a, self.towards_c, cos_side);
+
+        // Then go from b towards c', uniformly in the cosine.
+        let cos_arc = 1.0 - f64::from(u.y) * (1.0 - cut.dot(self.b));
+        let direction = along_arc(self.b, aside(self.b, cut), cos_arc.clamp(-1.0, 1.0));
+        direction.is_finite().then_some(direction)
+    }
+}
+
+/// The unit vector perpendicular to `from` in its plane with `to`, on the side of `to`.
+fn aside(from: DVec3, to: DVec3) -> DVec3 {
+    (to - from * to.dot(from)).normalize_or_zero()
+}
+
+/// The unit vector at an angle from `from`, towards the perpendicular `aside`.
+fn along_arc(from: DVec3, aside: DVec3, cosine: f64) -> DVec3 {
+    from * cosine + aside * (1.0 - cosine * cosine).max(0.0).sqrt()
 }
 
 #[cfg(test)]

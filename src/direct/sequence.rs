@@ -32,18 +32,15 @@ impl Sequence {
     }
 }
 
-/// Sobol's second dimension; its first is the bit reversal.
-fn sobol_second(mut index: u32) -> u32 {
-    let mut direction = 1u32 << 31;
-    let mut x = 0;
-    while index != 0 {
-        if index & 1 != 0 {
-            x ^= direction;
-        }
-        index >>= 1;
-        direction ^= direction >> 1;
+/// Sobol's second dimension; its first is the bit reversal. The generator matrix is Pascal's triangle modulo 2, a product
+/// of one step for each bit of a bit's number.
+fn sobol_second(index: u32) -> u32 {
+    let mut x = index;
+    x ^= x >> 16;
+    for (mask, shift) in [(0xff00_ff00, 8), (0xf0f0_f0f0, 4), (0xcccc_cccc, 2), (0xaaaa_aaaau32, 1)] {
+        x ^= (x & mask) >> shift;
     }
-    x
+    x.reverse_bits()
 }
 
 /// Flips every bit depending on the bits above it: the hash of Laine and Karras works from the lowest bit up.

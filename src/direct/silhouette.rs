@@ -5,7 +5,7 @@
 //! and what a group needs is a few multiplications, eight at a time.
 
 use super::solid::{Plane, SolidEdge};
-use glam::{DVec3, Vec3};
+use glam::{BVec4A, DVec3, Vec3, Vec4};
 use std::array::from_fn;
 
 /// Edges or boxes in a group.
@@ -17,37 +17,47 @@ const SLACK: f32 = 1e-6;
 /// Distance in front of a face below which a receiver lies on it, scene units: more than the rounding of coordinates.
 pub(super) const ON_FACE: f64 = 2e-7;
 
+/// Eight numbers.
+type Eight = [Vec4; 2];
+
 /// Eight points of the space of planes, or eight sizes of boxes there: x, y, z of the normal, and the offset.
 #[derive(Debug, Clone, Copy)]
-struct Lanes([[f32; WIDTH]; 4]);
+struct Lanes([Eight; 4]);
 
 impl Lanes {
     /// Planes that no point is in front of.
-    const NOWHERE: Self = Self([[0.0; WIDTH], [0.0; WIDTH], [0.0; WIDTH], [1.0; WIDTH]]);
-    const NOTHING: Self = Self([[0.0; WIDTH]; 4]);
+    const NOWHERE: Self = Self([[Vec4::ZERO; 2], [Vec4::ZERO; 2], [Vec4::ZERO; 2], [Vec4::ONE; 2]]);
+    const NOTHING: Self = Self([[Vec4::ZERO; 2]; 4]);
 
     fn set(&mut self, lane: usize, plane: [f32; 4]) {
         for (axis, value) in self.0.iter_mut().zip(plane) {
-            axis[lane] = value;
+            axis[lane / 4][lane % 4] = value;
         }
     }
 
     fn get(&self, lane: usize) -> [f32; 4] {
-        self.0.map(|axis| axis[lane])
+        self.0.map(|axis| axis[lane / 4][lane % 4])
     }
 
     /// How far a point is in front of each plane.
     #[inline]
-    fn heights(&self, p: Vec3) -> [f32; WIDTH] {
+    fn heights(&self, p: Vec3) -> Eight {
         let [x, y, z, offset] = &self.0;
-        from_fn(|i| x[i] * p.x + y[i] * p.y + z[i] * p.z - offset[i])
+        [0, 1].map(|i| x[i] * p.x + y[i] * p.y + z[i] * p.z - offset[i])
     }
 
     /// The most by which [`Self::heights`] differ within boxes of these half sizes.
     #[inline]
-    fn reach(&self, p: Vec3) -> [f32; WIDTH] {
+    fn reach(&self, p: Vec3) -> Eight {
         let ([x, y, z, offset], p) = (&self.0, p.abs());
-        from_fn(|i| x[i] * p.x + y[i] * p.y + z[i] * p.z + offset[i])
+        [0, 1].map(|i| x[i] * p.x + y[i] * p.y + z[i] * p.z + offset[i])
+    }
+
+    /// One bit for each plane that a point is in front of.
+    #[inline]
+    fn facing(&self, p: Vec3) -> u32 {
+        let height = self.heights(p);
+        mask([0, 1].map(|i| height[i].cmpgt(Vec4::ZERO)))
     }
 }
 
@@ -70,13 +80,13 @@ impl Boxes {
     #[inline]
     fn undecided(&self, p: Vec3) -> u32 {
         let (height, reach) = (self.centre.heights(p), self.half.reach(p));
-        mask(|i| height[i].abs() <= reach[i])
+        mask([0, 1].map(|i| height[i].abs().cmple(reach[i])))
     }
 }
 
 #[inline]
-fn mask(set: impl Fn(usize) -> bool) -> u32 {
-    (0..WIDTH).fold(0, |bits, i| bits | u32::from(set(i)) << i)
+fn mask([low, high]: [BVec4A; 2]) -> u32 {
+    low.bitmask() | high.bitmask() << 4
 }
 
 /// The edges of a closed mesh, in a hierarchy.
@@ -105,22 +115,25 @@ impl Silhouette {
         Self { centre, edges: groups, ends: sorted.iter().map(|s| s.ends).collect(), levels }
     }
 
-    /// Calls `found` with every edge of the silhouette, relative to the receiver, with the side that is turned to the
-    /// receiver on its left.
-    pub(super) fn visit(&self, receiver: DVec3, mut found: impl FnMut(DVec3, DVec3)) {
+    /// Every edge of the silhouette, relative to the receiver, with the side that is turned to the receiver on its left.
+    #[inline]
+    pub(super) fn edges(&self, receiver: DVec3) -> impl ExactSizeIterator<Item = [DVec3; 2]> {
         let at = receiver - self.centre;
-        self.descend(self.levels.len(), 0, at.as_vec3(), &mut |edge, left| {
-            let [a, b] = self.ends[edge].map(|v| v.as_dvec3() - at);
-            if left { found(a, b) } else { found(b, a) }
-        });
+        let mut found = Vec::with_capacity(256);
+        self.descend(self.levels.len(), 0, at.as_vec3(), &mut found);
+        found.into_iter().map(move |(edge, left)| {
+            let [a, b] = self.ends[edge as usize].map(|v| v.as_dvec3() - at);
+            if left { [a, b] } else { [b, a] }
+        })
     }
 
-    fn descend(&self, level: usize, index: usize, at: Vec3, found: &mut impl FnMut(usize, bool)) {
+    /// Finds edges of the silhouette, and whether their left sides are turned to the receiver.
+    fn descend(&self, level: usize, index: usize, at: Vec3, found: &mut Vec<(u32, bool)>) {
         if level == 0 {
             let group = &self.edges[index];
-            let (left, right) = (group.left.heights(at), group.right.heights(at));
-            for lane in ones(mask(|i| (left[i] > 0.0) != (right[i] > 0.0))) {
-                found(index * WIDTH + lane, left[lane] > 0.0);
+            let (left, right) = (group.left.facing(at), group.right.facing(at));
+            for lane in ones(left ^ right) {
+                found.push(((index * WIDTH + lane) as u32, left >> lane & 1 == 1));
             }
             return;
         }
@@ -135,19 +148,18 @@ impl Silhouette {
         let at = (receiver - self.centre).as_vec3();
         let mut best = (Vec3::ZERO, f32::NEG_INFINITY);
         for group in &self.edges {
-            for (lane, height) in group.left.heights(at).into_iter().enumerate() {
-                let [x, y, z, _] = group.left.get(lane);
-                if height > best.1 && group.left.get(lane) != NO_PLANE {
-                    best = (Vec3::new(x, y, z), height);
+            let heights = group.left.heights(at);
+            for lane in 0..WIDTH {
+                let (height, [x, y, z, _]) = (heights[lane / 4][lane % 4], group.left.get(lane));
+                let normal = Vec3::new(x, y, z);
+                if height > best.1 && normal != Vec3::ZERO {
+                    best = (normal, height);
                 }
             }
         }
         best
     }
 }
-
-/// What unused lanes hold.
-const NO_PLANE: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 
 /// Positions of the bits that are set.
 fn ones(mut bits: u32) -> impl Iterator<Item = usize> {

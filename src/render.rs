@@ -50,7 +50,9 @@ pub fn render(world: &World, view: &View, settings: &Settings, aovs: &[Aov], run
     };
     run.reporter.verbose(|| gatherer.as_deref().map_or("no gather".into(), gatherer_in_words));
     std::thread::scope(|scope| {
-        let stage = gatherer.as_deref_mut().map(|g| GatherStage::spawn(scope, g, chunk_samples(view), run));
+        let stage = gatherer
+            .as_deref_mut()
+            .map(|g| GatherStage::spawn(scope, g, CHUNKS_IN_FLIGHT * chunk_samples(view), run));
         let finish = |chunk: Chunk, film: &mut Film| -> Result<()> {
             let indirect = collect(&chunk, stage.as_ref(), &convolver, run)?;
             develop(world, view, &chunk.samples, chunk.first, &chunk.direct, &indirect, film);
@@ -60,11 +62,12 @@ pub fn render(world: &World, view: &View, settings: &Settings, aovs: &[Aov], run
         let mut pending = VecDeque::new();
         for first in (0..view.sample_count()).step_by(chunk_samples(view)) {
             interrupt::check()?;
-            let samples = run.clock.time(Stage::Trace, || view.trace(&world.accel, first, chunk_samples(view)));
+            let samples =
+                run.clock.time(Stage::Trace, || view.trace(&world.accel, first, chunk_samples(view)));
             let points = shading_points(&samples);
             run.counters.count_shading_points(points.len());
             let order = match &stage {
-                Some(stage) => run.clock.time(Stage::Tree, || submit(world, &points, settings, stage))?,
+                Some(stage) => submit(world, &points, settings, stage, run)?,
                 None => Vec::new(),
             };
             let direct = run.clock.time(Stage::Direct, || direct_light(world, settings, &points))?;
@@ -104,19 +107,30 @@ fn shading_points(samples: &[CameraSample]) -> Vec<ShadingPoint> {
 }
 
 /// Sends the points to the gather thread, batch by batch; returns the order in which results come.
-fn submit(world: &World, points: &[ShadingPoint], settings: &Settings, stage: &GatherStage) -> Result<Vec<u32>> {
+fn submit(
+    world: &World,
+    points: &[ShadingPoint],
+    settings: &Settings,
+    stage: &GatherStage,
+    run: &Run,
+) -> Result<Vec<u32>> {
     let receivers: Vec<_> = points
         .par_iter()
         .with_min_len(64)
         .map(|p| world.receiver(p.position, p.shading_normal, p.gather_seed(settings.seed)))
         .collect();
-    let ordered = world.order(&receivers, settings, stage.batch_size());
+    let ordered = run.clock.time(Stage::Tree, || world.order(&receivers, settings, stage.batch_size()));
     ordered.batches.into_iter().try_for_each(|batch| stage.send(batch))?;
     Ok(ordered.order)
 }
 
 /// Waits for all of a chunk's batches and returns the irradiance of its points.
-fn collect(chunk: &Chunk, stage: Option<&GatherStage>, convolver: &Convolver, run: &Run) -> Result<Vec<Vec3>> {
+fn collect(
+    chunk: &Chunk,
+    stage: Option<&GatherStage>,
+    convolver: &Convolver,
+    run: &Run,
+) -> Result<Vec<Vec3>> {
     let mut irradiance = vec![Vec3::ZERO; chunk.points.len()];
     let mut received = 0;
     while let Some(stage) = stage.filter(|_| received < chunk.points.len()) {

@@ -30,7 +30,8 @@ impl std::str::FromStr for Bounces {
         if text == "inf" {
             return Ok(Self::Infinite);
         }
-        let count: u32 = text.parse().map_err(|_| format!("bounces must be a number or 'inf', not '{text}'"))?;
+        let count: u32 =
+            text.parse().map_err(|_| format!("bounces must be a number or 'inf', not '{text}'"))?;
         Ok(Self::Count(count.min(MAX_BOUNCES)))
     }
 }

@@ -3,11 +3,11 @@
 use crate::accel::Accel;
 use crate::direct::Lights;
 use crate::error::Result;
-use crate::gather::order::{Ordered, order};
-use crate::gather::vulkan::list_devices;
 use crate::gather::Gatherer;
 use crate::gather::create::{choose_device, create};
 use crate::gather::device::{Choice, Chosen};
+use crate::gather::order::{Ordered, order};
+use crate::gather::vulkan::list_devices;
 use crate::hemicube::convolve::Convolver;
 use crate::hemicube::frame::{RECEIVER_INSIDE, Receiver};
 use crate::hemicube::weights::Weights;
@@ -73,7 +73,8 @@ impl World {
         if settings.gather == GatherMethod::Hemicube {
             world.cloud = run.clock.time(Stage::Surfels, || world.surfels(cloud, settings))?;
             world.closed = ClosedTest::new(&world.scene, &world.accel);
-            world.tree = run.clock.time(Stage::Tree, || (settings.lod > 0.0).then(|| SurfelTree::new(&world.cloud)));
+            world.tree =
+                run.clock.time(Stage::Tree, || (settings.lod > 0.0).then(|| SurfelTree::new(&world.cloud)));
             world.drawables = Drawables::new(&world.cloud, world.tree.as_ref());
             run.reporter.verbose(|| world.surfels_in_words(settings));
             world.bounce(settings, run)?;

@@ -27,7 +27,8 @@ fn ids_equal_the_reference() {
             let drawables = Drawables::new(&cloud, None);
             let all: Vec<u32> = (0..cloud.len() as u32).collect();
             let settings = CpuSettings { resolution, batch: 256, frames_in_flight: 1 };
-            let mut cpu = CpuGatherer::new(drawables.splats.clone(), drawables.shape, settings).expect("resolution is legal");
+            let mut cpu = CpuGatherer::new(drawables.splats.clone(), drawables.shape, settings)
+                .expect("resolution is legal");
             let receivers = room::receivers(count, resolution);
             let atlas = gather(&mut cpu, Batch { receivers: receivers.clone(), ..Batch::default() });
             for (i, receiver) in receivers.iter().enumerate() {
@@ -44,7 +45,8 @@ fn cuts_give_the_ids_of_their_drawables() {
     let tree = SurfelTree::new(&cloud);
     let drawables = Drawables::new(&cloud, Some(&tree));
     let settings = CpuSettings { resolution: 8, batch: 64, frames_in_flight: 1 };
-    let mut cpu = CpuGatherer::new(drawables.splats.clone(), drawables.shape, settings).expect("resolution is legal");
+    let mut cpu =
+        CpuGatherer::new(drawables.splats.clone(), drawables.shape, settings).expect("resolution is legal");
     let receivers = room::receivers(150, 3);
     let ordered = order(&receivers, Some(&tree), &CutSettings { lod: 2.0, resolution: 8 }, 64);
     assert!(ordered.batches.len() > 2, "150 receivers need three batches of 64");
@@ -69,7 +71,8 @@ fn a_cut_without_level_of_detail_loses_nothing() {
     let tree = SurfelTree::new(&cloud);
     let drawables = Drawables::new(&cloud, Some(&tree));
     let settings = CpuSettings { resolution: 8, batch: 1000, frames_in_flight: 1 };
-    let mut cpu = CpuGatherer::new(drawables.splats.clone(), drawables.shape, settings).expect("resolution is legal");
+    let mut cpu =
+        CpuGatherer::new(drawables.splats.clone(), drawables.shape, settings).expect("resolution is legal");
     let receivers = room::receivers(200, 11);
     let ordered = order(&receivers, Some(&tree), &CutSettings { lod: 0.0, resolution: 8 }, 1000);
     let all: Vec<u32> = (0..cloud.len() as u32).collect();

@@ -5,9 +5,7 @@ use crate::gather::device::DeviceRequest;
 use crate::hemicube::frame::{MAX_RESOLUTION, MIN_RESOLUTION};
 use crate::progress::Reporter;
 use crate::run::Run;
-use crate::scene::{
-    Camera, PunctualEmission, PunctualLight, Scene, SceneDescription, default_framing, load,
-};
+use crate::scene::{Camera, PunctualEmission, PunctualLight, Scene, SceneDescription, default_framing, load};
 use crate::settings::{BatchSize, Bounces, Emitters, GatherMethod, Settings, SurfelDensity};
 use crate::surfel::cloud::{SurfelCloud, SurfelShape};
 use clap::Args;

@@ -16,7 +16,9 @@ pub fn run(_: &DevicesArgs) -> Result<()> {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let mut text = format!("cpu  built-in rasteriser, {threads} threads\n");
     match list_devices() {
-        Ok(devices) if devices.is_empty() => text += "no Vulkan device: a loader is installed, but no driver\n",
+        Ok(devices) if devices.is_empty() => {
+            text += "no Vulkan device: a loader is installed, but no driver\n"
+        }
         Ok(devices) => devices.iter().for_each(|device| text += &line(device)),
         Err(error) => text += &format!("no Vulkan: {error}\n"),
     }
@@ -33,5 +35,7 @@ fn line(device: &DeviceInfo) -> String {
         None => "can draw hemicubes".to_owned(),
         Some(reason) => format!("unsuitable: {reason}"),
     };
-    format!("{index:<4} {name}\n     {kind}, {memory}, Vulkan {api_version}, {driver} {driver_version}; {verdict}\n")
+    format!(
+        "{index:<4} {name}\n     {kind}, {memory}, Vulkan {api_version}, {driver} {driver_version}; {verdict}\n"
+    )
 }

@@ -13,7 +13,9 @@ use clap::{Parser, Subcommand};
 /// Diffuse global illumination by point-based colour bleeding: surfels drawn into hemicubes, hundreds per Vulkan pass.
 #[derive(Debug, Parser)]
 #[command(name = "surflux", version, propagate_version = true, arg_required_else_help = true)]
-#[command(after_help = "Exit codes: 0 done, 1 the work failed, 2 the command line or an input file is wrong, 130 interrupted.")]
+#[command(
+    after_help = "Exit codes: 0 done, 1 the work failed, 2 the command line or an input file is wrong, 130 interrupted."
+)]
 struct Cli {
     #[command(subcommand)]
     command: Command,

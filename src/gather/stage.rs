@@ -25,7 +25,8 @@ impl GatherStage {
         run: &'scope Run,
     ) -> Self {
         let batch_size = gatherer.batch_size();
-        let (input, batches) = bounded(receivers.div_ceil(batch_size) + 1);
+        // Groups stay whole where they can, so that batches are not always full: but they are at least half full.
+        let (input, batches) = bounded(2 * receivers.div_ceil(batch_size) + 1);
         let (finished, output) = unbounded();
         scope.spawn(move || {
             if let Err(error) = pump(gatherer, &batches, &finished, run) {

@@ -16,7 +16,10 @@ impl Scene {
             ("emissive surfaces", material(|m| m.emission != Vec3::ZERO)),
             ("point lights", light(|l| l.area.is_none())),
             ("area lights", light(|l| l.area.is_some())),
-            ("light fall-off by distance", light(|l| !matches!(l.emission, PunctualEmission::Pov { fade: None, .. }))),
+            (
+                "light fall-off by distance",
+                light(|l| !matches!(l.emission, PunctualEmission::Pov { fade: None, .. })),
+            ),
             ("specular highlights", material(|m| m.specular != Vec3::ZERO)),
             ("two-sided surfaces", material(|m| m.two_sided)),
             ("ambient glow", material(|m| m.ambient != Vec3::ZERO)),

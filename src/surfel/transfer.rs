@@ -45,7 +45,8 @@ impl Transfer {
     ) -> Result<Self> {
         let progress = run.reporter.progress("bouncing", sides.len() as u64);
         let convolver = Convolver::new(drawables, weights, Vec3::ZERO);
-        let mut transfer = Self { rows: vec![Vec::new(); sides.len()], background: vec![0.0; sides.len()], sides };
+        let mut transfer =
+            Self { rows: vec![Vec::new(); sides.len()], background: vec![0.0; sides.len()], sides };
         let mut bytes = 0;
         gather_all(gatherer, ordered.batches, run, |gathered| {
             let Output::Ids(atlas) = gathered.output else {
@@ -112,9 +113,10 @@ impl Transfer {
         }
         let rows = (0..self.rows.len()).into_par_iter().with_min_len(64);
         rows.map(|r| {
-            let sum = self.rows[r].iter().fold(background * self.background[r], |sum, &(side, form_factor)| {
-                sum + light[side as usize % 2][side as usize / 2] * form_factor
-            });
+            let sum =
+                self.rows[r].iter().fold(background * self.background[r], |sum, &(side, form_factor)| {
+                    sum + light[side as usize % 2][side as usize / 2] * form_factor
+                });
             cloud.albedo[self.sides[r] as usize / 2] * sum
         })
         .collect()
@@ -152,7 +154,9 @@ fn row(
         for (&id, &weight) in ids.iter().zip(weights) {
             match id.checked_sub(1) {
                 None => background += weight,
-                Some(d) => entries.extend(drawables.side_towards(d as usize, from).map(|side| (side, weight))),
+                Some(d) => {
+                    entries.extend(drawables.side_towards(d as usize, from).map(|side| (side, weight)))
+                }
             }
         }
     });

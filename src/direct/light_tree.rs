@@ -3,9 +3,9 @@
 
 use crate::accel::{ClusterNode, cluster};
 use glam::Vec3;
-use std::f32::consts::{FRAC_PI_2, PI};
+use std::f32::consts::PI;
 
-/// Angle by which cones are wider than computed, radians: rounding must not hide an emitter.
+/// By how much bounds are wider than computed, in radians or relative: rounding must not hide an emitter.
 const SLACK: f32 = 2e-3;
 
 /// What the tree knows of an emitter, or of several.
@@ -48,6 +48,35 @@ impl Cone {
     }
 }
 
+/// An angle between 0 and pi: arithmetic without inverse functions.
+#[derive(Debug, Clone, Copy)]
+struct Angle {
+    cos: f32,
+    sin: f32,
+}
+
+impl Angle {
+    fn of_cosine(cos: f32) -> Self {
+        Self { cos, sin: (1.0 - cos * cos).max(0.0).sqrt() }
+    }
+
+    /// Not above pi / 2.
+    fn of_sine(sin: f32) -> Self {
+        Self { cos: (1.0 - sin * sin).max(0.0).sqrt(), sin }
+    }
+
+    /// The difference, or 0 where that is negative.
+    fn less(self, other: Self) -> Self {
+        if self.cos >= other.cos {
+            return Self { cos: 1.0, sin: 0.0 };
+        }
+        Self {
+            cos: self.cos * other.cos + self.sin * other.sin,
+            sin: (self.sin * other.cos - self.cos * other.sin).max(0.0),
+        }
+    }
+}
+
 impl Emitting {
     fn union(&self, other: &Self) -> Self {
         Self {
@@ -59,26 +88,27 @@ impl Emitting {
     }
 
     /// Bound, up to a factor, of the irradiance at a point with a normal; zero only where there is surely none.
-    fn importance(&self, position: Vec3, normal: Vec3) -> f32 {
+    fn importance(&self, spread: Angle, position: Vec3, normal: Vec3) -> f32 {
         let to_centre = (self.low + self.high) * 0.5 - position;
-        let radius = 0.5 * (self.high - self.low).length();
+        let radius = 0.5 * (1.0 + SLACK) * (self.high - self.low).length();
         let distance = to_centre.length();
         let closeness = self.power / (distance * distance).max(radius * radius);
         if distance <= radius {
             return closeness;
         }
         let direction = to_centre / distance;
-        let seen = (radius / distance).asin() + SLACK;
-        let cosine = |angle: f32| if angle < FRAC_PI_2 { angle.max(0.0).cos() } else { 0.0 };
-        let leaving = (-direction).angle_between(self.cone.axis) - self.cone.angle - seen;
-        let arriving = direction.angle_between(normal) - seen;
-        closeness * cosine(leaving) * cosine(arriving)
+        let seen = Angle::of_sine(radius / distance);
+        let leaving = Angle::of_cosine(-direction.dot(self.cone.axis)).less(spread).less(seen);
+        let arriving = Angle::of_cosine(direction.dot(normal)).less(seen);
+        closeness * leaving.cos.max(0.0) * arriving.cos.max(0.0)
     }
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Node {
     emitting: Emitting,
+    /// The half angle of the cone of normals, widened.
+    spread: Angle,
     kind: ClusterNode,
     parent: u32,
 }
@@ -96,7 +126,7 @@ impl LightTree {
     /// The tree over emitters, which must be some.
     pub(super) fn new(emitters: &[Emitting]) -> Self {
         let boxes: Vec<(Vec3, Vec3)> = emitters.iter().map(|e| (e.low, e.high)).collect();
-        let blank = |&kind| Node { emitting: emitters[0], kind, parent: 0 };
+        let blank = |&kind| Node { emitting: emitters[0], spread: Angle::of_cosine(1.0), kind, parent: 0 };
         let mut nodes: Vec<Node> = cluster(&boxes).nodes.iter().map(blank).collect();
         let mut leaves = vec![0; emitters.len()];
         for i in (0..nodes.len()).rev() {
@@ -112,6 +142,7 @@ impl LightTree {
                     nodes[child].emitting.union(&nodes[child + 1].emitting)
                 }
             };
+            nodes[i].spread = Angle::of_cosine((nodes[i].emitting.cone.angle + SLACK).min(PI).cos());
         }
         Self { nodes, leaves }
     }
@@ -155,7 +186,10 @@ impl LightTree {
 
     /// How probable the first of two siblings is.
     fn first_share(&self, child: u32, position: Vec3, normal: Vec3) -> Option<f32> {
-        let [a, b] = [child, child + 1].map(|i| self.nodes[i as usize].emitting.importance(position, normal));
+        let [a, b] = [child, child + 1].map(|i| {
+            let node = &self.nodes[i as usize];
+            node.emitting.importance(node.spread, position, normal)
+        });
         (a + b > 0.0).then(|| a / (a + b))
     }
 }

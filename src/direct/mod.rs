@@ -232,7 +232,11 @@ impl Lights {
     pub fn estimate(&self, accel: &Accel, point: &LitPoint, rng: &mut Rng) -> Vec3 {
         let query = Query { accel, point, gloss: None };
         let mut tally = Tally::default();
-        if let Some(seen) = SeenLights::new(self, Local::new(point)) {
+        let local = Local::new(point);
+        if let [only] = self.exact.as_slice() {
+            // Nothing to choose, so what is seen of it need be found but once.
+            only.view(&local).iter().for_each(|view| tally.trace(&query, view, 1.0, rng.unit2()));
+        } else if let Some(seen) = SeenLights::new(self, local) {
             seen.trace(&mut tally, &query, rng.unit(), rng.unit2());
         }
         let mut sum = tally.mean();

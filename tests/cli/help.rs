@@ -7,9 +7,15 @@ const TRANSPORT: &str = "--device --gather --face-resolution --surfels --surfel-
                          --surfel-cloud --surfel-shape --lod --bounces --light-samples --gather-samples --batch \
                          --frames-in-flight --seed --threads --validate --quiet --verbose --help --version";
 
+/// Options start their line after at most so many spaces; descriptions, which may start with an option's name, after more.
+const INDENT: usize = 6;
+
 /// Options that a help text lists, each at the start of its line.
 fn listed(help: &str) -> Vec<&str> {
-    let starts = help.lines().filter_map(|line| line.trim_start().strip_prefix('-'));
+    let starts = help.lines().filter_map(|line| {
+        let start = line.trim_start();
+        start.strip_prefix('-').filter(|_| line.len() - start.len() <= INDENT)
+    });
     let long = starts.filter_map(|line| line.split_whitespace().find_map(|word| word.strip_prefix('-')));
     let mut names: Vec<&str> = long.map(|word| word.trim_end_matches(',').trim_start_matches('-')).collect();
     names.sort_unstable();

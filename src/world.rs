@@ -75,6 +75,7 @@ impl World {
             world.closed = ClosedTest::new(&world.scene, &world.accel);
             world.tree = run.clock.time(Stage::Tree, || (settings.lod > 0.0).then(|| SurfelTree::new(&world.cloud)));
             world.drawables = Drawables::new(&world.cloud, world.tree.as_ref());
+            world.drawables.enclosing = world.closed.encloses();
             world.bounce(settings, run)?;
         }
         Ok(world)

@@ -39,6 +39,8 @@ pub struct ClosedTest {
     /// Whether each closed surface faces inwards, as a room does.
     inward: Vec<bool>,
     any_inward: bool,
+    /// Whether one of the surfaces that face inwards is watertight.
+    encloses: bool,
     /// Cells of the scene's cube that a closed surface's box touches.
     occupied: Vec<bool>,
 }
@@ -86,7 +88,15 @@ impl ClosedTest {
             test.surface[scene.triangles.len() + i] = test.add(centre - extent, centre + extent, false);
         }
         test.any_inward = test.inward.contains(&true);
+        test.encloses =
+            components.iter().any(|c| c.watertight && c.volume < 0.0 && test.culls(c.triangles[0]));
         test
+    }
+
+    /// Whether there is a closed room. Receivers outside it count as [inside](Self::receiver_inside) a surface; no other
+    /// receiver sees the background.
+    pub fn encloses(&self) -> bool {
+        self.encloses
     }
 
     /// Whether surfels of a primitive may be skipped from behind.

@@ -10,6 +10,7 @@ use crate::gather::stage::gather_all;
 use crate::gather::{Gatherer, Output};
 use crate::hemicube::atlas::IdAtlas;
 use crate::hemicube::convolve::Convolver;
+use crate::hemicube::frame::Receiver;
 use crate::hemicube::weights::Weights;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -40,7 +41,8 @@ impl Transfer {
         gatherer: &mut dyn Gatherer,
     ) -> Result<Self> {
         let convolver = Convolver::new(drawables, weights, Vec3::ZERO);
-        let mut transfer = Self { rows: vec![Vec::new(); sides.len()], background: vec![0.0; sides.len()], sides };
+        let mut transfer =
+            Self { rows: vec![Vec::new(); sides.len()], background: vec![0.0; sides.len()], sides };
         let mut bytes = 0;
         gather_all(gatherer, ordered.batches, |gathered| {
             let Output::Ids(atlas) = gathered.output else {
@@ -49,7 +51,7 @@ impl Transfer {
             let receivers = &gathered.batch.receivers;
             let rows: Vec<(Vec<(u32, f32)>, f32)> = (0..receivers.len())
                 .into_par_iter()
-                .map(|i| row(drawables, &convolver, &atlas, i, receivers[i].position))
+                .map(|i| row(drawables, &convolver, &atlas, i, &receivers[i]))
                 .collect();
             bytes += rows.iter().map(|(row, _)| size_of_val(row.as_slice())).sum::<usize>();
             if bytes > MEMORY_LIMIT {
@@ -103,9 +105,10 @@ impl Transfer {
         }
         let rows = (0..self.rows.len()).into_par_iter().with_min_len(64);
         rows.map(|r| {
-            let sum = self.rows[r].iter().fold(background * self.background[r], |sum, &(side, form_factor)| {
-                sum + light[side as usize % 2][side as usize / 2] * form_factor
-            });
+            let sum =
+                self.rows[r].iter().fold(background * self.background[r], |sum, &(side, form_factor)| {
+                    sum + light[side as usize % 2][side as usize / 2] * form_factor
+                });
             cloud.albedo[self.sides[r] as usize / 2] * sum
         })
         .collect()
@@ -126,7 +129,7 @@ pub fn reflecting_sides(cloud: &SurfelCloud) -> Vec<u32> {
 /// Position and outward normal of a side.
 pub fn side_frame(cloud: &SurfelCloud, side: u32) -> (Vec3, Vec3) {
     let i = (side / 2) as usize;
-    (cloud.position[i], if side % 2 == 0 { cloud.normal[i] } else { -cloud.normal[i] })
+    (cloud.position[i], if side.is_multiple_of(2) { cloud.normal[i] } else { -cloud.normal[i] })
 }
 
 /// The form factors of one hemicube, and that of the background.
@@ -135,7 +138,7 @@ fn row(
     convolver: &Convolver,
     atlas: &IdAtlas,
     i: usize,
-    from: Vec3,
+    receiver: &Receiver,
 ) -> (Vec<(u32, f32)>, f32) {
     let mut entries = Vec::new();
     let mut background = 0.0;
@@ -143,7 +146,10 @@ fn row(
         for (&id, &weight) in ids.iter().zip(weights) {
             match id.checked_sub(1) {
                 None => background += weight,
-                Some(d) => entries.extend(drawables.side_towards(d as usize, from).map(|side| (side, weight))),
+                Some(d) => {
+                    let side = drawables.side_towards(d as usize, receiver.position);
+                    entries.extend(side.map(|side| (side, weight)));
+                }
             }
         }
     });
@@ -156,5 +162,10 @@ fn row(
         }
     }
     merged.shrink_to_fit();
+    let factor = convolver.gap_factor(receiver, background);
+    if factor > 1.0 {
+        merged.iter_mut().for_each(|(_, form_factor)| *form_factor *= factor);
+        background = 0.0;
+    }
     (merged, background)
 }

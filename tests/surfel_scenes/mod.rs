@@ -21,7 +21,7 @@ pub fn prepare(shapes: Vec<Shape>) -> Accel {
         Material { albedo: Vec3::ZERO, emission: Vec3::splat(10.0), ..Material::default() },
     ];
     let description = SceneDescription { shapes, materials, ..SceneDescription::default() };
-    Accel::new(Scene::new(&description).unwrap().into())
+    Accel::new(Scene::new(&description).expect("the shapes have an area").into())
 }
 
 /// A mesh of one material.

@@ -76,6 +76,7 @@ impl World {
             world.tree =
                 run.clock.time(Stage::Tree, || (settings.lod > 0.0).then(|| SurfelTree::new(&world.cloud)));
             world.drawables = Drawables::new(&world.cloud, world.tree.as_ref());
+            world.drawables.enclosing = world.closed.encloses();
             run.reporter.verbose(|| world.surfels_in_words(settings));
             world.bounce(settings, run)?;
         }

@@ -8,7 +8,6 @@ use analytic::{Case, CaseReceiver, MeanCheck, Mode, Part, load_case, load_cases}
 use glam::DVec3;
 use surflux::accel::Accel;
 use surflux::direct::{Lights, LitPoint, Sampling};
-use surflux::scene::Shape;
 
 /// Shadow rays a light: enough for penumbrae.
 const SAMPLES: u32 = 4096;
@@ -44,30 +43,14 @@ impl Lit {
     }
 
     fn mean(&self, case: &Case, check: &MeanCheck) -> DVec3 {
-        let patches: Vec<[DVec3; 4]> = match check.patch {
-            Some(patch) => vec![patch],
-            None => case.description.shapes.iter().map(quad_patch).collect(),
+        let normalisation = &self.accel.scene().normalisation;
+        let points = case.mean_points(check, GRID);
+        let one = |(stream, (p, normal)): (u64, &(DVec3, DVec3))| {
+            let point = LitPoint::flat(normalisation.point(*p), normal.as_vec3());
+            self.irradiance(&point, stream, 4)
         };
-        patches.iter().map(|patch| self.patch_mean(patch)).sum::<DVec3>() / patches.len() as f64
+        (0..).zip(&points).map(one).sum::<DVec3>() / points.len() as f64
     }
-
-    fn patch_mean(&self, [origin, u, v, normal]: &[DVec3; 4]) -> DVec3 {
-        let at = |i: u32| (f64::from(i) + 0.5) / f64::from(GRID);
-        let mut sum = DVec3::ZERO;
-        for (i, j) in (0..GRID).flat_map(|i| (0..GRID).map(move |j| (i, j))) {
-            let position = self.accel.scene().normalisation.point(origin + u * at(i) + v * at(j));
-            let point = LitPoint::flat(position, normal.as_vec3());
-            sum += self.irradiance(&point, u64::from(i * GRID + j), 4);
-        }
-        sum / f64::from(GRID * GRID)
-    }
-}
-
-/// A mesh of one quad as origin, edges and normal.
-fn quad_patch(shape: &Shape) -> [DVec3; 4] {
-    let Shape::Mesh { positions, .. } = shape else { panic!("enclosures are of quads") };
-    let (u, v) = (positions[1] - positions[0], positions[3] - positions[0]);
-    [positions[0], u, v, u.cross(v).normalize()]
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! Surfel clouds as a whole: areas, coverage, evenness, determinism, closed surfaces, files.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
+
 mod surfel_scenes;
 
 use glam::{DVec3, Vec3};
@@ -259,6 +261,18 @@ fn the_outside_of_a_room_sees_its_backs() {
     assert!(!closed.inside([1.0, 0.0, 1.0], Vec3::Y), "on its floor");
     assert!(closed.inside([4.0, 1.0, 1.0], Vec3::X), "beside it");
     assert!(closed.inside([3.0, 1.0, 1.0], Vec3::X), "on its outer side");
+}
+
+#[test]
+fn only_a_closed_room_keeps_the_background_out() {
+    let walls =
+        || scenes::quads(&scenes::inward(&scenes::box_faces(DVec3::ZERO, DVec3::splat(3.0))), scenes::GREY);
+    let ball = scenes::ellipsoid(DVec3::ONE, DVec3::splat(1.5));
+    assert!(Closed::new(vec![walls(), ball, solid(0.1, 0.2)]).test.encloses());
+    let beside = Closed::new(vec![walls(), bystander()]);
+    assert!(beside.test.encloses() && beside.inside([4.0, 3.0, 4.0], Vec3::Y), "who is outside knows it");
+    assert!(!Closed::new(vec![solid(0.0, 3.0), solid(1.0, 2.0)]).test.encloses(), "nothing faces inwards");
+    assert!(!Closed::new(scenes::room()).test.encloses(), "the room is open at the front");
 }
 
 #[test]

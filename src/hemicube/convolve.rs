@@ -7,6 +7,9 @@ use crate::surfel::drawable::Drawables;
 use glam::Vec3;
 use std::f32::consts::PI;
 
+/// More than this of the weight uncovered is no gap between discs.
+const WIDEST_GAPS: f32 = 0.1;
+
 /// Everything that turns ids into irradiance.
 #[derive(Clone, Copy)]
 pub struct Convolver<'a> {
@@ -24,14 +27,34 @@ impl<'a> Convolver<'a> {
     /// Irradiance at the receiver of tile `i`, W m-2.
     pub fn irradiance(&self, atlas: &IdAtlas, i: usize, receiver: &Receiver) -> Vec3 {
         let sided = !self.drawables.closed || receiver.flags != 0;
+        let factor = self.gap_factor(receiver, self.uncovered(atlas, i));
+        let background = if factor > 1.0 { Vec3::ZERO } else { self.background };
+        let radiance =
+            |id: u32| if id == EMPTY { background } else { self.radiance(id, sided, receiver.position) };
         let mut total = Vec3::ZERO;
         self.for_each_row(atlas, i, |ids, weights| {
-            total += ids
-                .iter()
-                .zip(weights)
-                .fold(Vec3::ZERO, |sum, (&id, &w)| sum + w * self.radiance(id, sided, receiver.position));
+            total += ids.iter().zip(weights).fold(Vec3::ZERO, |sum, (&id, &w)| sum + w * radiance(id));
         });
-        total * PI
+        total * (PI * factor)
+    }
+
+    /// Weight of the pixels of tile `i` that nothing covers.
+    fn uncovered(&self, atlas: &IdAtlas, i: usize) -> f32 {
+        if !self.drawables.enclosing {
+            return 0.0;
+        }
+        let mut sum = 0.0;
+        self.for_each_row(atlas, i, |ids, weights| {
+            sum += ids.iter().zip(weights).filter(|(id, _)| **id == EMPTY).map(|(_, w)| w).sum::<f32>();
+        });
+        sum
+    }
+
+    /// By how much the covered pixels stand for the others too, where these can only be gaps between discs: without it, a
+    /// closed room would lose light. 1 where the background may show.
+    pub fn gap_factor(&self, receiver: &Receiver, uncovered: f32) -> f32 {
+        let gaps = self.drawables.enclosing && receiver.flags == 0 && uncovered <= WIDEST_GAPS;
+        if gaps { 1.0 / (1.0 - uncovered) } else { 1.0 }
     }
 
     /// Calls `row` with the ids and weights of every row of tile `i`.
@@ -47,10 +70,11 @@ impl<'a> Convolver<'a> {
 
     #[inline(always)]
     fn radiance(&self, id: u32, sided: bool, from: Vec3) -> Vec3 {
-        match id {
-            EMPTY => self.background,
-            id if sided => self.drawables.radiance_towards(id as usize - 1, from),
-            id => self.drawables.radiance[id as usize - 1],
+        let drawable = id as usize - 1;
+        if sided {
+            self.drawables.radiance_towards(drawable, from)
+        } else {
+            self.drawables.radiance[drawable]
         }
     }
 }

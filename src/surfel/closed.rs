@@ -40,6 +40,8 @@ pub struct ClosedTest {
     inward: Vec<bool>,
     /// How many do.
     rooms: usize,
+    /// Whether one of the surfaces that face inwards is watertight.
+    encloses: bool,
     /// Cells of the scene's cube that a closed surface's box touches.
     occupied: Vec<bool>,
 }
@@ -87,7 +89,15 @@ impl ClosedTest {
             test.surface[scene.triangles.len() + i] = test.add(centre - extent, centre + extent, false);
         }
         test.rooms = test.inward.iter().filter(|&&inward| inward).count();
+        test.encloses =
+            components.iter().any(|c| c.watertight && c.volume < 0.0 && test.culls(c.triangles[0]));
         test
+    }
+
+    /// Whether there is a closed room. Receivers outside it count as [inside](Self::receiver_inside) a surface; no other
+    /// receiver sees the background.
+    pub fn encloses(&self) -> bool {
+        self.encloses
     }
 
     /// Whether surfels of a primitive may be skipped from behind.

@@ -18,6 +18,8 @@ pub struct Drawables {
     pub back_radiance: Vec<Vec3>,
     /// Whether every drawable may be culled from behind: receivers that are not inside a closed mesh then see fronts only.
     pub closed: bool,
+    /// Whether they surround everything: a pixel that nothing covers is then a gap between discs, not the background.
+    pub enclosing: bool,
 }
 
 impl Drawables {

@@ -92,12 +92,12 @@ impl Element {
         Vec3::from(cofactors(quadric) * on_sphere).try_normalize().unwrap_or(self.normal)
     }
 
-    /// Sharp corners of the element.
+    /// Sharp corners of the element, in their order around it; none when it is curved.
     pub fn corners(&self) -> impl Iterator<Item = Vec3> {
         let corners = match self.form {
             Form::Triangle { apex, to_base, base } => vec![apex, apex + to_base, apex + to_base + base],
             Form::Parallelogram { corner, across, along } => {
-                vec![corner, corner + across, corner + along, corner + across + along]
+                vec![corner, corner + across, corner + across + along, corner + along]
             }
             Form::Cell { .. } => Vec::new(),
         };

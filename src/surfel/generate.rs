@@ -185,8 +185,16 @@ fn cover(
         chosen.iter().map(|&c| element(c).normal_at(scene, points[c as usize].0)).collect();
     let centres = Centres::new(&surfels);
     let owners = centres.owners(&points);
-    let measure =
-        Measure { points: &points, counted: samples.len(), owners: &owners, area: patch.area, shape };
+    // A mesh finer than its surfels is known well enough by its corners; curved elements are never fewer than surfels.
+    let cut_by = if elements.len() <= chosen.len() { elements.as_slice() } else { &[] };
+    let measure = Measure {
+        points: &points,
+        counted: samples.len(),
+        owners: &owners,
+        area: patch.area,
+        shape,
+        elements: cut_by,
+    };
     let shares = measure.shares(&surfels, &normals, &centres);
     let covered = (0..chosen.len())
         .filter(|&i| shares[i].fraction > 0.0)

@@ -1,6 +1,7 @@
-//! Which part of a patch each of its surfels stands for: its Voronoi cell, known by the samples that fall into it.
+//! Which part of a patch each of its surfels stands for: its Voronoi cell, cut where the patch ends.
 
 use super::cloud::SurfelShape;
+use super::element::Element;
 use super::kdtree::KdTree;
 use super::patch::ALIKE;
 use crate::math::Frame;
@@ -83,17 +84,35 @@ impl Centres {
             if self.sides[slot].dot(centre.1) > ALIKE {
                 let towards = flatten(frame, self.tree.points[slot] - centre.0);
                 if towards != Vec2::ZERO {
-                    cell = clip(&cell, towards);
+                    cell = clip(&cell, towards, 0.5 * towards.length_squared());
                 }
             }
         });
         cell
     }
+
+    /// For each centre the flat elements that come as near to it as `reach` (one for each centre) and are of its side.
+    fn elements_near(&self, elements: &[Element], reach: &[f32]) -> Vec<Vec<u32>> {
+        let furthest = reach.iter().copied().fold(0.0, f32::max);
+        let mut near = vec![Vec::new(); self.sides.len()];
+        for (element, index) in elements.iter().zip(0..) {
+            let low = element.corners().fold(Vec3::INFINITY, Vec3::min);
+            let high = element.corners().fold(Vec3::NEG_INFINITY, Vec3::max);
+            self.tree.within((low + high) * 0.5, 0.5 * low.distance(high) + furthest, |slot, _| {
+                let (position, centre) = (self.tree.points[slot], self.tree.order[slot] as usize);
+                let touches = position.distance(position.clamp(low, high)) <= reach[centre];
+                if touches && self.sides[slot].dot(element.side) > ALIKE {
+                    near[centre].push(index);
+                }
+            });
+        }
+        near
+    }
 }
 
-/// The part of a convex polygon that is nearer to the origin than to `rival`.
-fn clip(polygon: &[Vec2], rival: Vec2) -> Vec<Vec2> {
-    let beyond = |p: Vec2| p.dot(rival) - 0.5 * rival.length_squared();
+/// The part of a convex polygon where `p . direction <= limit`.
+fn clip(polygon: &[Vec2], direction: Vec2, limit: f32) -> Vec<Vec2> {
+    let beyond = |p: Vec2| p.dot(direction) - limit;
     let mut kept = Vec::with_capacity(polygon.len() + 1);
     for (i, &from) in polygon.iter().enumerate() {
         let to = polygon[(i + 1) % polygon.len()];
@@ -106,6 +125,15 @@ fn clip(polygon: &[Vec2], rival: Vec2) -> Vec<Vec2> {
         }
     }
     kept
+}
+
+/// The part of a convex polygon within a cell, whose corners run counter-clockwise.
+fn intersection(mut polygon: Vec<Vec2>, cell: &[Vec2]) -> Vec<Vec2> {
+    for (i, &from) in cell.iter().enumerate() {
+        let outwards = -(cell[(i + 1) % cell.len()] - from).perp();
+        polygon = clip(&polygon, outwards, outwards.dot(from));
+    }
+    polygon
 }
 
 /// An offset within a surface as a vector of the same length in the plane of `frame`.
@@ -145,30 +173,86 @@ pub struct Measure<'a> {
     pub area: f64,
     /// Shape of the surfels.
     pub shape: SurfelShape,
+    /// The flat elements that the patch consists of; empty when they are curved, or too many to look at each.
+    pub elements: &'a [Element],
 }
 
 impl Measure<'_> {
-    /// Share of each surfel (position and side): large enough for its whole cell and no larger. Within the patch the cell
-    /// is known exactly; at its edges, where the plane's Voronoi cell runs on, the samples tell how far it goes.
+    /// Share of each surfel (position and side): large enough for its whole cell and no larger.
     pub fn shares(&self, surfels: &[(Vec3, Vec3)], normals: &[Vec3], centres: &Centres) -> Vec<Share> {
         let frames: Vec<Frame> = normals.iter().map(|&normal| Frame::from_normal(normal)).collect();
         let cells = self.sampled_cells(surfels, &frames);
-        let spacing = (self.area / self.counted as f64).sqrt() as f32;
-        (cells, surfels, &frames)
+        let radii = if self.elements.is_empty() {
+            self.radii_by_samples(&cells, surfels, &frames, centres)
+        } else {
+            self.radii_by_elements(&cells, surfels, &frames, centres)
+        };
+        let share = |(cell, radius): (&Cell, f32)| {
+            let fraction = cell.samples as f32 / self.counted as f32;
+            let least = of_area(fraction * self.area as f32, self.shape);
+            Share { fraction, radius: (radius * OVERLAP).max(least) }
+        };
+        cells.iter().zip(radii).map(share).collect()
+    }
+
+    /// Within the patch the cell is known exactly; at its edges, where the plane's Voronoi cell runs on, the samples tell
+    /// how far it goes.
+    fn radii_by_samples(
+        &self,
+        cells: &[Cell],
+        surfels: &[(Vec3, Vec3)],
+        frames: &[Frame],
+        centres: &Centres,
+    ) -> Vec<f32> {
+        (cells, surfels, frames)
             .into_par_iter()
             .enumerate()
             .with_min_len(PARALLEL)
             .map(|(i, (known, &surfel, frame))| {
                 let cell = known.including(centres.midpoints(i as u32, surfel, frame), self.shape);
-                let margin = BEYOND_SAMPLES * cell.spacing().max(spacing);
+                let margin = self.margin(&cell);
                 let corners = centres.cell(surfel, frame, cell.furthest + margin);
-                let needed = corners.into_iter().map(|corner| size(self.shape, corner)).fold(0.0, f32::max);
                 let most = cell.widest * (1.0 + margin / cell.furthest.max(f32::MIN_POSITIVE));
-                let fraction = cell.samples as f32 / self.counted as f32;
-                let least = of_area(fraction * self.area as f32, self.shape);
-                Share { fraction, radius: (needed.clamp(cell.widest, most) * OVERLAP).max(least) }
+                self.widest(&corners).clamp(cell.widest, most)
             })
             .collect()
+    }
+
+    /// Cells are cut by the elements themselves: no gap is left at the patch's edge, and no more overhang than it takes.
+    fn radii_by_elements(
+        &self,
+        cells: &[Cell],
+        surfels: &[(Vec3, Vec3)],
+        frames: &[Frame],
+        centres: &Centres,
+    ) -> Vec<f32> {
+        let caps: Vec<f32> = cells.iter().map(|cell| cell.furthest + 2.0 * self.margin(cell)).collect();
+        let reach: Vec<f32> = caps.iter().map(|cap| cap * SQRT_2).collect();
+        let near = centres.elements_near(self.elements, &reach);
+        (cells, surfels, frames, &caps, &near)
+            .into_par_iter()
+            .with_min_len(PARALLEL / 16)
+            .map(|(known, &surfel, frame, &cap, near)| {
+                let cell = centres.cell(surfel, frame, cap);
+                let part = |&e: &u32| {
+                    let corners = self.elements[e as usize].corners();
+                    let polygon = corners.map(|corner| flatten(frame, corner - surfel.0)).collect();
+                    self.widest(&intersection(polygon, &cell))
+                };
+                near.iter().map(part).fold(known.widest, f32::max)
+            })
+            .collect()
+    }
+
+    /// By how much a cell may exceed its samples.
+    fn margin(&self, cell: &Cell) -> f32 {
+        let spacing = (self.area / self.counted as f64).sqrt() as f32;
+        BEYOND_SAMPLES * cell.spacing().max(spacing)
+    }
+
+    /// Size of the surfel that covers the corners.
+    fn widest(&self, corners: &[Vec2]) -> f32 {
+        corners.iter().map(|&corner| size(self.shape, corner)).fold(0.0, f32::max)
     }
 
     fn sampled_cells(&self, surfels: &[(Vec3, Vec3)], frames: &[Frame]) -> Vec<Cell> {
@@ -266,11 +350,30 @@ mod tests {
         let surfels = [points[2], points[7]];
         let centres = Centres::new(&surfels);
         let owners = centres.owners(&points);
-        let measure =
-            Measure { points: &points, counted: 10, owners: &owners, area: 1.0, shape: SurfelShape::Disc };
+        let measure = Measure {
+            points: &points,
+            counted: 10,
+            owners: &owners,
+            area: 1.0,
+            shape: SurfelShape::Disc,
+            elements: &[],
+        };
         let shares = measure.shares(&surfels, &[Vec3::Z; 2], &centres);
         assert_eq!(shares.iter().map(|s| s.fraction).sum::<f32>(), 1.0);
         assert!(shares.iter().all(|s| s.radius >= 2.5 && s.radius < 3.5), "{shares:?}");
+    }
+
+    #[test]
+    fn cells_end_where_the_patch_ends() {
+        let cell = [[2.0, 2.0], [-2.0, 2.0], [-2.0, -2.0], [2.0, -2.0]].map(Vec2::from);
+        let quad =
+            vec![Vec2::new(-1.0, -3.0), Vec2::new(1.0, -3.0), Vec2::new(1.0, 3.0), Vec2::new(-1.0, 3.0)];
+        let both = intersection(quad, &cell);
+        let furthest = both.iter().fold(Vec2::ZERO, |far, corner| far.max(corner.abs()));
+        assert_eq!((both.len(), furthest), (4, Vec2::new(1.0, 2.0)));
+        assert!(
+            intersection(vec![Vec2::splat(3.0), Vec2::new(4.0, 3.0), Vec2::new(3.0, 4.0)], &cell).is_empty()
+        );
     }
 
     #[test]

@@ -10,6 +10,7 @@ use crate::gather::stage::gather_all;
 use crate::gather::{Gatherer, Output};
 use crate::hemicube::atlas::IdAtlas;
 use crate::hemicube::convolve::Convolver;
+use crate::hemicube::frame::Receiver;
 use crate::hemicube::weights::Weights;
 use crate::interrupt;
 use crate::run::Run;
@@ -53,7 +54,7 @@ impl Transfer {
                 return Err(Error::Failed("this gatherer gives no surfel ids to bounce light with".into()));
             };
             let receivers = &gathered.batch.receivers;
-            let row = |i: usize| row(drawables, &convolver, &atlas, i, receivers[i].position);
+            let row = |i: usize| row(drawables, &convolver, &atlas, i, &receivers[i]);
             let rows: Vec<(Vec<(u32, f32)>, f32)> =
                 run.clock.time(Stage::Convolve, || (0..receivers.len()).into_par_iter().map(row).collect());
             bytes += rows.iter().map(|(row, _)| size_of_val(row.as_slice())).sum::<usize>();
@@ -146,7 +147,7 @@ fn row(
     convolver: &Convolver,
     atlas: &IdAtlas,
     i: usize,
-    from: Vec3,
+    receiver: &Receiver,
 ) -> (Vec<(u32, f32)>, f32) {
     let mut entries = Vec::new();
     let mut background = 0.0;
@@ -155,7 +156,8 @@ fn row(
             match id.checked_sub(1) {
                 None => background += weight,
                 Some(d) => {
-                    entries.extend(drawables.side_towards(d as usize, from).map(|side| (side, weight)))
+                    let side = drawables.side_towards(d as usize, receiver.position);
+                    entries.extend(side.map(|side| (side, weight)));
                 }
             }
         }
@@ -169,5 +171,10 @@ fn row(
         }
     }
     merged.shrink_to_fit();
+    let factor = convolver.gap_factor(receiver, background);
+    if factor > 1.0 {
+        merged.iter_mut().for_each(|(_, form_factor)| *form_factor *= factor);
+        background = 0.0;
+    }
     (merged, background)
 }

@@ -79,6 +79,13 @@ impl Parts {
     }
 }
 
+/// A mesh of one quad as origin, edges and normal.
+fn quad_patch(shape: &Shape) -> [DVec3; 4] {
+    let Shape::Mesh { positions, .. } = shape else { panic!("enclosures are of quads") };
+    let (u, v) = (positions[1] - positions[0], positions[3] - positions[0]);
+    [positions[0], u, v, u.cross(v).normalize()]
+}
+
 fn data(name: &str) -> Value {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data/analytic").join(name);
     let text = fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
@@ -115,6 +122,20 @@ impl Case {
         let above = position + receiver.normal * TESSELLATION;
         let hit = accel.closest_hit(above, -receiver.normal, 2.0 * TESSELLATION).expect("on a surface");
         LitPoint { position: hit.position, normal: receiver.normal, geometric_normal: hit.normal }
+    }
+
+    /// A grid of points, `grid` along each side, over an area whose mean is known, and its normal there.
+    pub fn mean_points(&self, check: &MeanCheck, grid: u32) -> Vec<(DVec3, DVec3)> {
+        let patches: Vec<[DVec3; 4]> = match check.patch {
+            Some(patch) => vec![patch],
+            None => self.description.shapes.iter().map(quad_patch).collect(),
+        };
+        let at = |i: u32| (f64::from(i) + 0.5) / f64::from(grid);
+        let cells = || (0..grid).flat_map(|i| (0..grid).map(move |j| (i, j)));
+        let on = |[origin, u, v, normal]: &[DVec3; 4]| {
+            cells().map(|(i, j)| (origin + u * at(i) + v * at(j), *normal)).collect::<Vec<_>>()
+        };
+        patches.iter().flat_map(on).collect()
     }
 
     /// The largest error as a fraction of its tolerance, and where: receivers first, then means, in the order of the

@@ -1,0 +1,58 @@
+//! Gathers at points of a prepared world.
+
+use glam::DVec3;
+use surflux::direct::{LitPoint, Sampling};
+use surflux::gather::stage::gather_all;
+use surflux::hemicube::frame::Receiver;
+use surflux::render::estimates;
+use surflux::run::Run;
+use surflux::scene::{Scene, SceneDescription};
+use surflux::settings::{Emitters, GatherMethod, Settings};
+use surflux::world::World;
+
+/// Shadow rays a light at points whose direct light is sampled.
+const LIGHT_SAMPLES: u32 = 256;
+
+/// A world and the settings that it was prepared with.
+pub struct Gathering {
+    pub world: World,
+    settings: Settings,
+}
+
+impl Gathering {
+    pub fn new(description: &SceneDescription, settings: Settings) -> Self {
+        let scene = Scene::new(description).expect("cases have geometry");
+        let world = World::prepare(scene, None, &settings, &Run::default()).expect("a world");
+        Self { world, settings }
+    }
+
+    /// Irradiance at points: what the hemicubes gather, and the direct light where the settings say that it is sampled.
+    pub fn irradiance(&self, points: &[LitPoint], seed: u32) -> Vec<DVec3> {
+        let mut total: Vec<DVec3> = match self.settings.emitters {
+            Emitters::Sample => points.iter().zip(0..).map(|(p, stream)| self.direct(p, stream)).collect(),
+            Emitters::Gather => vec![DVec3::ZERO; points.len()],
+        };
+        if self.settings.gather == GatherMethod::None {
+            return total;
+        }
+        let world = &self.world;
+        let receivers: Vec<Receiver> =
+            points.iter().map(|p| world.receiver(p.position, p.normal, seed)).collect();
+        let mut gatherer = world.gatherer(&self.settings).expect("a device");
+        let ordered = world.order(&receivers, &self.settings, gatherer.batch_size());
+        let convolver = world.convolver();
+        gather_all(gatherer.as_mut(), ordered.batches, &Run::default(), |gathered| {
+            let order = &ordered.order[gathered.batch.first..];
+            let found = order.iter().zip(estimates(gathered, &convolver));
+            found.for_each(|(&i, e)| total[i as usize] += e.as_dvec3());
+            Ok(())
+        })
+        .expect("the device works");
+        total
+    }
+
+    fn direct(&self, point: &LitPoint, stream: u64) -> DVec3 {
+        let sampling = Sampling { seed: 1, stream, samples: LIGHT_SAMPLES };
+        self.world.lights.irradiance(&self.world.accel, point, sampling).as_dvec3()
+    }
+}

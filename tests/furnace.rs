@@ -15,6 +15,7 @@ use surflux::gather::Output;
 use surflux::gather::device::DeviceRequest;
 use surflux::gather::stage::gather_all;
 use surflux::hemicube::atlas::EMPTY;
+use surflux::run::Run;
 use surflux::scene::SceneDescription;
 use surflux::settings::{Bounces, Emitters, Settings, SurfelDensity};
 
@@ -112,7 +113,7 @@ fn empty_share(gathering: &Gathering, settings: &Settings) -> f64 {
     let mut gatherer = world.gatherer(settings).expect("a device");
     let ordered = world.order(&receivers, settings, gatherer.batch_size());
     let (mut empty, mut all) = (0, 0);
-    gather_all(gatherer.as_mut(), ordered.batches, |gathered| {
+    gather_all(gatherer.as_mut(), ordered.batches, &Run::default(), |gathered| {
         let Output::Ids(atlas) = gathered.output else { panic!("hemicubes hold ids") };
         empty += atlas.texels.iter().filter(|&&id| id == EMPTY).count();
         all += atlas.texels.len();

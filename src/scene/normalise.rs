@@ -4,8 +4,9 @@ use super::{Normalisation, PunctualEmission, PunctualLight, Quadric, Scene, Scen
 use crate::error::Result;
 use glam::{Affine3A, DAffine3, DVec3, Vec3};
 
-/// Sides below this fraction of the scene's size make a triangle degenerate: its normal is noise.
-const DEGENERATE: f64 = 1e-12;
+/// A triangle with less than half this area, scene units squared, is degenerate: in f32 its sides (1e-8 each, say) are
+/// below rounding and its normal is noise.
+const DEGENERATE: f64 = 1e-16;
 
 impl Scene {
     /// Recentres, scales and flattens a description. Surfaces without area are dropped.

@@ -148,7 +148,7 @@ fn a_surface_is_not_lit_by_itself() {
 
 fn pov(fade: Option<(f64, f64)>, area: Option<[DVec3; 2]>) -> PunctualLight<DVec3> {
     let emission = PunctualEmission::Pov { colour: Vec3::new(0.5, 1.0, 2.0), fade };
-    PunctualLight { position: DVec3::Z * 0.8, emission, area }
+    PunctualLight { position: DVec3::Z * 0.8, emission, area, area_illumination: true }
 }
 
 #[test]
@@ -171,6 +171,11 @@ fn pov_lights_follow_povs_model() {
     for samples in [1, 16] {
         assert!(close(panel.irradiance(DVec3::ZERO, samples, 3), colour * PI * mean, 1e-5));
     }
+    // Without `area_illumination` all of the panel lights as its centre does.
+    let plain = PunctualLight { area_illumination: false, ..pov(None, Some(line)) };
+    let (panel, aside) = (Room::new(Vec::new(), vec![plain]), DVec3::new(0.6, 0.0, 0.0));
+    assert!(close(panel.irradiance(DVec3::ZERO, 4, 3), colour * PI, 1e-5), "right below");
+    assert!(close(panel.irradiance(aside, 4, 3), colour * PI * 0.8, 1e-5), "cos theta = 0.8 / 1");
 }
 
 #[test]

@@ -201,6 +201,7 @@ fn point_light(v: &[f64; 6]) -> PunctualLight<DVec3> {
         position: DVec3::new(v[0], v[1], v[2]),
         emission: PunctualEmission::Intensity(intensity),
         area: None,
+        area_illumination: false,
     }
 }
 

@@ -40,6 +40,8 @@ impl Falloff {
 pub(super) struct Punctual {
     position: DVec3,
     edges: Option<[DVec3; 2]>,
+    /// See [`PunctualLight::area_illumination`].
+    area_illumination: bool,
     /// Irradiance on a facing surface where the fall-off is 1, W m-2.
     strength: Vec3,
     falloff: Falloff,
@@ -55,7 +57,8 @@ impl Punctual {
             }
         };
         let edges = light.area.map(|edges| edges.map(|e| e.as_dvec3()));
-        Self { position: light.position.as_dvec3(), edges, strength, falloff }
+        let area_illumination = light.area_illumination;
+        Self { position: light.position.as_dvec3(), edges, area_illumination, strength, falloff }
     }
 
     /// What a receiver sees of it.
@@ -72,13 +75,26 @@ impl Punctual {
     }
 
     fn panel_view(&self, local: &Local) -> Option<View<'_>> {
+        let mean =
+            if self.area_illumination { self.mean_received(local) } else { self.centre_received(local) };
+        (mean > 0.0 && mean.is_finite())
+            .then(|| View::panel(self.strength * mean as f32, PanelView { light: self, local: *local, mean }))
+    }
+
+    /// Fall-off times cosine, averaged over the parallelogram.
+    fn mean_received(&self, local: &Local) -> f64 {
         let mut mean = 0.0;
         for ((x, wx), (y, wy)) in GAUSS.iter().flat_map(|x| GAUSS.iter().map(move |y| (x, y))) {
             let (factor, cosine) = self.received(local, self.at(*x, *y));
             mean += wx * wy * factor * cosine.max(0.0);
         }
-        (mean > 0.0 && mean.is_finite())
-            .then(|| View::panel(self.strength * mean as f32, PanelView { light: self, local: *local, mean }))
+        mean
+    }
+
+    /// Fall-off times cosine of the centre.
+    fn centre_received(&self, local: &Local) -> f64 {
+        let (factor, cosine) = self.received(local, self.position);
+        factor * cosine.max(0.0)
     }
 
     /// The point of the parallelogram at (x, y) in [-1/2, 1/2]^2.
@@ -131,7 +147,12 @@ impl PanelView<'_> {
     pub(super) fn sample(&self, u: Vec2) -> LightSample {
         let u = u.as_dvec2() - 0.5;
         let point = self.light.at(u.x, u.y);
-        let (factor, cosine) = self.light.received(&self.local, point);
-        self.light.light_sample(&self.local, point, factor * cosine.max(0.0) / self.mean)
+        let weight = if self.light.area_illumination {
+            let (factor, cosine) = self.light.received(&self.local, point);
+            factor * cosine.max(0.0) / self.mean
+        } else {
+            1.0
+        };
+        self.light.light_sample(&self.local, point, weight)
     }
 }

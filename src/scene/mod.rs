@@ -80,6 +80,9 @@ pub struct PunctualLight<V> {
     /// POV `area_light`: two edge vectors of a parallelogram centred at `position`, over which the light is spread; its
     /// points shine equally into all directions.
     pub area: Option<[V; 2]>,
+    /// Whether each of the area's points lights from its own direction. POV's default is that all light as the centre does,
+    /// and the area only softens shadows.
+    pub area_illumination: bool,
 }
 
 /// How strong a [`PunctualLight`] is.

@@ -127,5 +127,6 @@ fn normalise_light(light: &PunctualLight<DVec3>, n: &Normalisation) -> PunctualL
         position: n.point(light.position),
         emission,
         area: light.area.map(|edges| edges.map(|e| (e * n.scale).as_vec3())),
+        area_illumination: light.area_illumination,
     }
 }

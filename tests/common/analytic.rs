@@ -302,6 +302,7 @@ fn parse_light(v: &Value) -> PunctualLight<DVec3> {
         position: vector(&v["position"]),
         emission: PunctualEmission::Intensity(vector(&v["intensity"]).as_vec3()),
         area: None,
+        area_illumination: false,
     }
 }
 

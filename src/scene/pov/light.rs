@@ -8,6 +8,7 @@ use glam::DVec3;
 /// What the modifiers of a light source add up to.
 #[derive(Debug, Default)]
 struct Modifiers {
+    area_illumination: bool,
     fade_distance: f64,
     fade_power: f64,
     area: Option<[DVec3; 2]>,
@@ -30,6 +31,7 @@ impl Parser {
             *fade = fades.then_some((modifiers.fade_distance, modifiers.fade_power));
         }
         light.area = light.area.or(modifiers.area);
+        light.area_illumination = modifiers.area_illumination;
         Ok(light)
     }
 
@@ -43,7 +45,7 @@ impl Parser {
             return fault(at, "a light's colour cannot be negative");
         }
         let emission = PunctualEmission::Pov { colour: colour.as_vec3(), fade: None };
-        Ok(PunctualLight { position, emission, area: None })
+        Ok(PunctualLight { position, emission, area: None, area_illumination: false })
     }
 
     fn light_modifier(&mut self, light: &mut PunctualLight<DVec3>, modifiers: &mut Modifiers) -> Parsed<()> {
@@ -68,7 +70,11 @@ impl Parser {
             "area_light" => modifiers.area = self.area()?,
             "adaptive" => self.next().and_then(|_| self.scalar()).map(|_| ())?,
             "jitter" => self.next().map(|_| ())?,
-            "media_attenuation" | "media_interaction" | "area_illumination" => {
+            "area_illumination" => {
+                self.next()?;
+                modifiers.area_illumination = self.scalar()? != 0.0;
+            }
+            "media_attenuation" | "media_interaction" => {
                 self.next()?;
                 self.scalar()?;
             }

@@ -73,9 +73,12 @@ fn compare(scene: &str, shape: SurfelShape, lod: f32, device: usize) {
         let drawables = &world.drawables;
         let cpu = CpuSettings { resolution, ..CpuSettings::default() };
         let mut cpu = CpuGatherer::new(drawables.splats.clone(), shape, cpu).unwrap();
-        let vulkan = VulkanSettings { resolution, ..VulkanSettings::default() };
+        let vulkan = VulkanSettings { resolution, validation: resolution == 8, ..VulkanSettings::default() };
         let mut vulkan = VulkanGatherer::new(device, &drawables.splats, shape, vulkan).unwrap();
         let (expected, drawn) = (ids(&mut cpu, batches.clone()), ids(&mut vulkan, batches));
+        let log = vulkan.validation_log();
+        drop(vulkan);
+        assert_eq!(log.messages(), Vec::<String>::new(), "the validation layer has nothing to say");
         let pairs = || expected.iter().flatten().zip(drawn.iter().flatten());
         let (wrong, pixels) = (pairs().filter(|(a, b)| a != b).count(), pairs().count());
         let covered = pairs().filter(|(a, _)| **a != 0).count();

@@ -7,6 +7,7 @@
 mod scenes;
 
 use std::time::Instant;
+use surflux::surfel::closed::ClosedTest;
 use surflux::surfel::cloud::SurfelShape;
 use surflux::surfel::generate::{Density, GenerateSettings, generate};
 
@@ -35,7 +36,8 @@ fn row(name: &str, shapes: Vec<surflux::scene::Shape>, count: u64, shape: Surfel
     let accel = scenes::prepare(shapes);
     let settings = GenerateSettings { density: Density::Count(count), shape, seed: 1 };
     let start = Instant::now();
-    let cloud = match generate(accel.scene(), &accel, &settings) {
+    let closed = ClosedTest::new(accel.scene(), &accel);
+    let cloud = match generate(accel.scene(), &closed, &settings) {
         Ok(cloud) => cloud,
         Err(error) => return println!("| {name} | {count} | {error} |"),
     };

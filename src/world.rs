@@ -71,8 +71,8 @@ impl World {
         run.reporter.info(&format!("device: {} ({})", world.device.name, world.device.reason));
         run.reporter.verbose(|| format!("features: {}", world.scene.features().join(", ")));
         if settings.gather == GatherMethod::Hemicube {
+            world.closed = run.clock.time(Stage::Surfels, || ClosedTest::new(&world.scene, &world.accel));
             world.cloud = run.clock.time(Stage::Surfels, || world.surfels(cloud, settings))?;
-            world.closed = ClosedTest::new(&world.scene, &world.accel);
             world.tree =
                 run.clock.time(Stage::Tree, || (settings.lod > 0.0).then(|| SurfelTree::new(&world.cloud)));
             world.drawables = Drawables::new(&world.cloud, world.tree.as_ref());
@@ -86,7 +86,7 @@ impl World {
     fn surfels(&self, given: Option<SurfelCloud>, settings: &Settings) -> Result<SurfelCloud> {
         let mut cloud = match given {
             Some(cloud) => cloud,
-            None => generate(&self.scene, &self.accel, &generate_settings(&self.scene, settings))?,
+            None => generate(&self.scene, &self.closed, &generate_settings(&self.scene, settings))?,
         };
         let shading = ShadeSettings {
             emitters: settings.emitters,

@@ -23,7 +23,7 @@ fn settings(count: u64) -> GenerateSettings {
 }
 
 fn cloud_of(accel: &Accel, settings: &GenerateSettings) -> SurfelCloud {
-    generate(accel.scene(), accel, settings).expect("a sensible density")
+    generate(accel.scene(), &ClosedTest::new(accel.scene(), accel), settings).expect("a sensible density")
 }
 
 fn all_scenes() -> Vec<(&'static str, Vec<Shape>)> {
@@ -190,7 +190,8 @@ fn absurd_densities_are_refused() {
     ];
     for density in refused {
         let error =
-            generate(accel.scene(), &accel, &GenerateSettings { density, ..settings(0) }).unwrap_err();
+            generate(accel.scene(), &ClosedTest::none(), &GenerateSettings { density, ..settings(0) })
+                .unwrap_err();
         assert!(error.to_string().contains("surfel") && error.exit_code() == 2, "{density:?}: {error}");
     }
 }

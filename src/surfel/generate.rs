@@ -10,7 +10,6 @@ use super::eliminate::{Surface, eliminate};
 use super::patch::{Patch, patches};
 use super::sample::samples;
 use super::share::{Centres, Measure, recentre};
-use crate::accel::Accel;
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::math::Rng;
@@ -52,13 +51,12 @@ pub struct GenerateSettings {
     pub seed: u32,
 }
 
-/// The cloud of a scene, still dark: `shade` fills in the radiance.
+/// The cloud of a scene, still dark: `shade` fills in the radiance. `closed` says which surfels may be culled from behind.
 ///
 /// # Errors
 /// When the settings ask for no surfels at all or for more than [`MOST_SURFELS`], or the user interrupts.
-pub fn generate(scene: &Scene, accel: &Accel, settings: &GenerateSettings) -> Result<SurfelCloud> {
+pub fn generate(scene: &Scene, closed: &ClosedTest, settings: &GenerateSettings) -> Result<SurfelCloud> {
     let plan = Plan::new(scene, settings.density)?;
-    let closed = ClosedTest::new(scene, accel);
     let parts: Vec<Vec<Surfel>> = plan
         .patches
         .par_iter()
@@ -69,7 +67,7 @@ pub fn generate(scene: &Scene, accel: &Accel, settings: &GenerateSettings) -> Re
             cover(scene, patch, count as usize, settings.shape, &mut rng)
         })
         .collect::<Result<_>>()?;
-    Ok(assemble(scene, &closed, settings.shape, &parts))
+    Ok(assemble(scene, closed, settings.shape, &parts))
 }
 
 /// The patches of a scene and how many surfels each gets.

@@ -7,13 +7,13 @@ use crate::hemicube::atlas::AtlasLayout;
 use crate::hemicube::frame::Receiver;
 use crate::math::Frame;
 use crate::surfel::cloud::{Splat, SurfelShape};
+use crate::surfel::drawable::in_plane_axes;
 use ash::prelude::VkResult;
 use ash::vk;
-use glam::Vec3;
 use std::mem::offset_of;
 use std::sync::Arc;
 
-/// In-plane axes of a triangular surfel.
+/// In-plane axes of a triangular surfel: the layout of what [`in_plane_axes`] gives.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 pub(super) struct Axes {
@@ -105,18 +105,13 @@ impl SplatBuffers {
         let axes = match shape {
             SurfelShape::Disc => None,
             SurfelShape::Triangle => {
-                let axes: Vec<Axes> = splats.iter().map(axes).collect();
+                let axes = in_plane_axes(splats, shape);
                 Some(upload(context, "surfel axes", bytemuck::cast_slice(&axes), usage)?)
             }
         };
         let buffer = upload(context, "surfels", bytemuck::cast_slice(splats), usage)?;
         Ok(Self { splats: buffer, axes, count: splats.len() as u32 })
     }
-}
-
-fn axes(splat: &Splat) -> Axes {
-    let frame = Frame::from_normal(Vec3::from(splat.normal));
-    Axes { tangent: frame.tangent.to_array(), bitangent: frame.bitangent.to_array() }
 }
 
 /// Vertex buffer bindings of a shape.

@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::film::{Aov, Film};
 use crate::gather::stage::GatherStage;
-use crate::gather::{Gathered, Gatherer, Output};
+use crate::gather::{Estimate, Gathered, Gatherer, Output};
 use crate::hemicube::convolve::Convolver;
 use crate::interrupt;
 use crate::run::Run;
@@ -136,24 +136,24 @@ fn collect(
     while let Some(stage) = stage.filter(|_| received < chunk.points.len()) {
         let gathered = stage.receive()?;
         for e in run.clock.time(Stage::Convolve, || estimates(gathered, convolver)) {
-            irradiance[chunk.order[received] as usize] = e;
+            irradiance[chunk.order[received] as usize] = e.irradiance;
             received += 1;
         }
     }
     Ok(irradiance)
 }
 
-/// Irradiance of a finished batch.
-pub fn estimates(gathered: Gathered, convolver: &Convolver) -> Vec<Vec3> {
+/// What a finished batch found out.
+pub fn estimates(gathered: Gathered, convolver: &Convolver) -> Vec<Estimate> {
     match gathered.output {
-        Output::Irradiance(irradiance) => irradiance,
+        Output::Estimates(estimates) => estimates,
         Output::Ids(atlas) => gathered
             .batch
             .receivers
             .par_iter()
             .with_min_len(16)
             .enumerate()
-            .map(|(i, receiver)| convolver.irradiance(&atlas, i, receiver))
+            .map(|(i, receiver)| convolver.estimate(&atlas, i, receiver))
             .collect(),
     }
 }

@@ -38,7 +38,7 @@ impl Stage {
         gatherer.submit(Batch { receivers, ..Batch::default() }).expect("nothing to fail");
         let gathered = gatherer.finish().expect("nothing to fail").expect("one batch is under way");
         match gathered.output {
-            Output::Irradiance(irradiance) => irradiance,
+            Output::Estimates(estimates) => estimates.into_iter().map(|e| e.irradiance).collect(),
             Output::Ids(_) => panic!("Monte Carlo gathers irradiance"),
         }
     }

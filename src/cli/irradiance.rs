@@ -140,7 +140,10 @@ fn add_gathered(
     gather_all(gatherer.as_mut(), ordered.batches, run, |gathered| {
         let order = &ordered.order[gathered.batch.first..];
         progress.advance(gathered.batch.receivers.len() as u64);
-        order.iter().zip(estimates(gathered, &convolver)).for_each(|(&i, e)| total[i as usize] += e);
+        order
+            .iter()
+            .zip(estimates(gathered, &convolver))
+            .for_each(|(&i, e)| total[i as usize] += e.irradiance);
         Ok(())
     })
 }

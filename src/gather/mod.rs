@@ -10,8 +10,8 @@ pub mod vulkan;
 
 use crate::error::{Error, Result};
 use crate::hemicube::atlas::IdAtlas;
+pub use crate::hemicube::frame::Estimate;
 use crate::hemicube::frame::{MAX_RESOLUTION, MIN_RESOLUTION, Receiver};
-use glam::Vec3;
 
 /// Receivers to be gathered in one go.
 #[derive(Debug, Clone, Default)]
@@ -40,8 +40,8 @@ pub struct Group {
 pub enum Output {
     /// Hemicube tiles of surfel ids, tile `i` for receiver `i`; to be convolved.
     Ids(IdAtlas),
-    /// Irradiance, W m-2, receiver by receiver.
-    Irradiance(Vec<Vec3>),
+    /// Irradiance and distances, receiver by receiver.
+    Estimates(Vec<Estimate>),
 }
 
 /// A finished batch.

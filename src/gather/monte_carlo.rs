@@ -3,8 +3,8 @@
 //! Cosine-weighted rays leave the receiver; every hit is lit by its own shadow rays (or shows what it emits) and may
 //! reflect further.
 
-use super::{Batch, Gathered, Gatherer, Output};
-use crate::accel::{Accel, Hit, offset_origin};
+use super::{Batch, Estimate, Gathered, Gatherer, Output};
+use crate::accel::{Accel, Hit, RAY_OFFSET, offset_origin};
 use crate::direct::sequence::Sequence;
 use crate::direct::{Emitters, Lights, LitPoint};
 use crate::error::Result;
@@ -63,33 +63,42 @@ impl<'a> MonteCarloGatherer<'a> {
         Self { accel, lights, settings, finished: None }
     }
 
-    /// Irradiance at a receiver, W m-2: a function of the settings and of the receiver (its seed included) alone.
-    pub fn irradiance(&self, receiver: &Receiver) -> Vec3 {
+    /// Irradiance at a receiver: a function of the settings and of the receiver (its seed included) alone.
+    pub fn estimate(&self, receiver: &Receiver) -> Estimate {
         let samples = self.settings.samples.max(1);
         let mut rng = Rng::new(self.settings.seed, u64::from(receiver.seed));
         let strata = Strata::new(&self.settings, receiver);
         let frame = Frame::from_normal(receiver.normal);
-        let mut sum = DVec3::ZERO;
+        let (mut sum, mut closeness) = (DVec3::ZERO, 0.0);
         for i in 0..samples {
             let direction = frame.to_world(cosine_hemisphere(strata.point(i, &mut rng)));
             let origin = offset_origin(receiver.position, receiver.normal, direction);
-            sum += self.radiance(origin, direction, &mut rng).as_dvec3();
+            let path = self.radiance(origin, direction, &mut rng);
+            sum += path.radiance.as_dvec3();
+            closeness += 1.0 / path.distance;
         }
-        (sum * (PI / f64::from(samples))).as_vec3()
+        Estimate {
+            irradiance: (sum * (PI / f64::from(samples))).as_vec3(),
+            closeness: closeness / samples as f32,
+        }
     }
 
     /// Radiance that arrives along a ray, W sr-1 m-2, estimated by one path.
-    fn radiance(&self, mut origin: Vec3, mut direction: Vec3, rng: &mut Rng) -> Vec3 {
-        let mut sum = Vec3::ZERO;
+    fn radiance(&self, mut origin: Vec3, mut direction: Vec3, rng: &mut Rng) -> Path {
+        let mut path = Path { radiance: Vec3::ZERO, distance: f32::INFINITY };
         let mut throughput = Vec3::ONE;
         for depth in 1..=self.longest_path() {
             let Some(hit) = self.accel.closest_hit(origin, direction, f32::INFINITY) else {
-                return sum + throughput * self.accel.scene().background;
+                path.radiance += throughput * self.accel.scene().background;
+                break;
             };
+            if depth == 1 {
+                path.distance = hit.t.max(RAY_OFFSET);
+            }
             let Some(surface) = self.seen_surface(&hit) else {
-                return sum;
+                break;
             };
-            sum += throughput * self.shown(&surface, rng);
+            path.radiance += throughput * self.shown(&surface, rng);
             if depth == self.longest_path() {
                 break;
             }
@@ -101,7 +110,7 @@ impl<'a> MonteCarloGatherer<'a> {
             }
             origin = offset_origin(point.position, point.geometric_normal, direction);
         }
-        sum
+        path
     }
 
     /// Hits of the longest path: reflected light was at a surface once for every bounce, emitted light once more.
@@ -148,6 +157,14 @@ impl<'a> MonteCarloGatherer<'a> {
         let chance = albedo.max_element().min(LONGEST_ODDS);
         if rng.unit() < chance { 1.0 / chance } else { 0.0 }
     }
+}
+
+/// What one path brings.
+struct Path {
+    /// W sr-1 m-2.
+    radiance: Vec3,
+    /// Length of its first segment.
+    distance: f32,
 }
 
 /// The side of a surface that a ray met.
@@ -198,9 +215,9 @@ impl Gatherer for MonteCarloGatherer<'_> {
 
     fn submit(&mut self, batch: Batch) -> Result<()> {
         assert!(self.finished.is_none(), "finish the batch under way before submitting another");
-        let irradiance = |receiver| interrupt::check().map(|()| self.irradiance(receiver));
-        let irradiance = batch.receivers.par_iter().map(irradiance).collect::<Result<_>>()?;
-        self.finished = Some(Gathered { batch, output: Output::Irradiance(irradiance) });
+        let estimate = |receiver| interrupt::check().map(|()| self.estimate(receiver));
+        let estimates = batch.receivers.par_iter().map(estimate).collect::<Result<_>>()?;
+        self.finished = Some(Gathered { batch, output: Output::Estimates(estimates) });
         Ok(())
     }
 

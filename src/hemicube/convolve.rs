@@ -1,8 +1,9 @@
 //! From the ids of a hemicube to the irradiance at its foot: E = pi sum(weight x radiance).
 
 use super::atlas::{EMPTY, IdAtlas};
-use super::frame::{FACES, Receiver, rows};
+use super::frame::{Estimate, FACES, Receiver, rows};
 use super::weights::Weights;
+use crate::accel::RAY_OFFSET;
 use crate::surfel::drawable::Drawables;
 use glam::Vec3;
 use std::f32::consts::PI;
@@ -24,18 +25,23 @@ impl<'a> Convolver<'a> {
         Self { drawables, weights, background }
     }
 
-    /// Irradiance at the receiver of tile `i`, W m-2.
-    pub fn irradiance(&self, atlas: &IdAtlas, i: usize, receiver: &Receiver) -> Vec3 {
+    /// Irradiance at the receiver of tile `i`, and how close what it sees is.
+    pub fn estimate(&self, atlas: &IdAtlas, i: usize, receiver: &Receiver) -> Estimate {
         let sided = !self.drawables.closed || receiver.flags != 0;
         let factor = self.gap_factor(receiver, self.uncovered(atlas, i));
         let background = if factor > 1.0 { Vec3::ZERO } else { self.background };
         let radiance =
             |id: u32| if id == EMPTY { background } else { self.radiance(id, sided, receiver.position) };
-        let mut total = Vec3::ZERO;
+        let (mut total, mut closeness) = (Vec3::ZERO, 0.0);
         self.for_each_row(atlas, i, |ids, weights| {
             total += ids.iter().zip(weights).fold(Vec3::ZERO, |sum, (&id, &w)| sum + w * radiance(id));
+            closeness += ids
+                .iter()
+                .zip(weights)
+                .map(|(&id, &w)| w * self.closeness(id, receiver.position))
+                .sum::<f32>();
         });
-        total * (PI * factor)
+        Estimate { irradiance: total * (PI * factor), closeness: closeness * factor }
     }
 
     /// Weight of the pixels of tile `i` that nothing covers.
@@ -66,6 +72,16 @@ impl<'a> Convolver<'a> {
                 row(atlas.row(face, i, y), weights);
             }
         }
+    }
+
+    /// 1 / distance of a drawable's centre; 0 where there is none.
+    #[inline(always)]
+    fn closeness(&self, id: u32, from: Vec3) -> f32 {
+        if id == EMPTY {
+            return 0.0;
+        }
+        let centre = Vec3::from(self.drawables.splats[id as usize - 1].position);
+        1.0 / centre.distance(from).max(RAY_OFFSET)
     }
 
     #[inline(always)]

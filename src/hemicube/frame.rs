@@ -43,6 +43,16 @@ pub struct Receiver {
     pub flags: u32,
 }
 
+/// What a gather found out at a receiver.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Estimate {
+    /// Irradiance, W m-2.
+    pub irradiance: Vec3,
+    /// Mean over the hemisphere, weighted by the cosine, of 1 / distance of what is seen: the inverse of the harmonic mean
+    /// distance (Ward, Rubinstein and Clear 1988), 1 / scene units. 0 where nothing is seen.
+    pub closeness: f32,
+}
+
 impl Receiver {
     /// The hemicube's frame: Duff's basis turned by an angle hashed from the seed, so that banding becomes noise.
     pub fn frame(&self) -> Frame {

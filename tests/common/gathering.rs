@@ -44,7 +44,7 @@ impl Gathering {
         gather_all(gatherer.as_mut(), ordered.batches, &Run::default(), |gathered| {
             let order = &ordered.order[gathered.batch.first..];
             let found = order.iter().zip(estimates(gathered, &convolver));
-            found.for_each(|(&i, e)| total[i as usize] += e.as_dvec3());
+            found.for_each(|(&i, e)| total[i as usize] += e.irradiance.as_dvec3());
             Ok(())
         })
         .expect("the device works");

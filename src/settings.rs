@@ -72,6 +72,8 @@ pub struct Settings {
     pub shape: SurfelShape,
     /// Largest size at which a cluster of surfels is drawn as one, pixels; 0 draws surfels only.
     pub lod: f32,
+    /// Largest relative error that interpolation between gathers aims at; `None` gathers at every shading point.
+    pub interpolate: Option<f32>,
     /// Indirect bounces.
     pub bounces: Bounces,
     /// Where emitted light enters.
@@ -99,6 +101,7 @@ impl Default for Settings {
             density: SurfelDensity::Count(14_000),
             shape: SurfelShape::Disc,
             lod: 2.0,
+            interpolate: None,
             bounces: Bounces::Count(1),
             emitters: Emitters::Sample,
             light_samples: 4,

@@ -87,6 +87,10 @@ pub struct TransportArgs {
     #[arg(long, value_name = "PIXELS", default_value_t = 2.0, value_parser = lod)]
     pub lod: f32,
 
+    /// Gather at few points and interpolate between them, to within this relative error; 'off' gathers at every one
+    #[arg(long, value_name = "TOL|off", default_value = "0.01", value_parser = interpolate)]
+    pub interpolate: Interpolate,
+
     /// Number of indirect bounces, or 'inf'
     #[arg(long, value_name = "K|inf", default_value = "1")]
     pub bounces: Bounces,
@@ -171,6 +175,7 @@ impl TransportArgs {
             density,
             shape: self.surfel_shape,
             lod: self.lod,
+            interpolate: self.interpolate.0,
             bounces: self.bounces,
             emitters: Emitters::Sample,
             light_samples: self.light_samples,
@@ -235,6 +240,21 @@ fn lod(text: &str) -> std::result::Result<f32, String> {
         .ok()
         .filter(|v| (0.0..=64.0).contains(v))
         .ok_or_else(|| format!("must be a number from 0 to 64, not '{text}'"))
+}
+
+/// The value of `--interpolate`.
+#[derive(Debug, Clone, Copy)]
+pub struct Interpolate(Option<f32>);
+
+fn interpolate(text: &str) -> std::result::Result<Interpolate, String> {
+    if text == "off" {
+        return Ok(Interpolate(None));
+    }
+    text.parse::<f32>()
+        .ok()
+        .filter(|v| (1e-6..=1.0).contains(v))
+        .map(|v| Interpolate(Some(v)))
+        .ok_or_else(|| format!("must be a number from 0.000001 to 1, or 'off', not '{text}'"))
 }
 
 fn field_of_view(text: &str) -> std::result::Result<f64, String> {

@@ -1,0 +1,51 @@
+//! What a gather leaves behind for its neighbours.
+
+use crate::gather::Estimate;
+use crate::shading::points::ShadingPoint;
+use glam::Vec3;
+
+/// Shortest and longest reach of a record, pixels where the surface faces the camera.
+const SHORTEST: f32 = 2.5;
+const LONGEST: f32 = 40.0;
+
+/// A gather at a visible point.
+#[derive(Debug, Clone, Copy)]
+pub struct Record {
+    /// Scene space.
+    pub position: Vec3,
+    /// Unit shading normal.
+    pub normal: Vec3,
+    /// W m-2.
+    pub irradiance: Vec3,
+    /// No other gather is needed up to this distance, scene units.
+    pub reach: f32,
+    /// Least reach, scene units.
+    pub shortest: f32,
+}
+
+/// From tolerances to distances.
+#[derive(Debug, Clone, Copy)]
+pub struct Reaches {
+    /// Reach over harmonic mean distance.
+    factor: f32,
+}
+
+impl Reaches {
+    /// The error of a linear fit grows with the square of the distance between records, measured in harmonic mean distances.
+    pub fn new(tolerance: f32) -> Self {
+        Self { factor: tolerance.sqrt() }
+    }
+
+    /// The record of a gather; `footprint` is the width of a pixel there.
+    pub fn record(&self, point: &ShadingPoint, estimate: &Estimate, footprint: f32) -> Record {
+        let shortest = SHORTEST * footprint;
+        let reach = self.factor / estimate.closeness.max(f32::MIN_POSITIVE);
+        Record {
+            position: point.position,
+            normal: point.shading_normal,
+            irradiance: estimate.irradiance,
+            reach: reach.clamp(shortest, LONGEST * footprint),
+            shortest,
+        }
+    }
+}

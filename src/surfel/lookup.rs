@@ -23,14 +23,8 @@ pub struct RadianceLookup {
 impl RadianceLookup {
     /// Resamples a shaded cloud of the scene.
     pub fn new(scene: &Scene, cloud: &SurfelCloud) -> Self {
-        let shares = shares(scene, cloud);
-        let most = MOST_SAMPLES * (cloud.len() + scene.primitive_count()) as u64;
-        let charts = Charts::new(scene, |primitive| shares[primitive as usize], most);
-        let reconstruction = Reconstruction::new(cloud);
-        let samples = (0..charts.as_slice().len())
-            .into_par_iter()
-            .flat_map_iter(|chart| resample(scene, &charts, chart, &reconstruction))
-            .collect();
+        let (charts, samples) =
+            resample(scene, cloud, |surfels, spot, guess| surfels.radiance(spot, guess).into());
         Self { charts, samples }
     }
 
@@ -54,6 +48,51 @@ impl RadianceLookup {
     }
 }
 
+/// Which surfel stands for a place, whatever its light: for light that is yet to bounce.
+#[derive(Debug, Clone)]
+pub struct SideLookup {
+    charts: Charts,
+    /// Side of the nearest surfel, by sample: `2 i` is the front of surfel `i`, `2 i + 1` its back.
+    samples: Vec<Option<u32>>,
+}
+
+impl SideLookup {
+    /// Resamples a cloud of the scene.
+    pub fn new(scene: &Scene, cloud: &SurfelCloud) -> Self {
+        let (charts, samples) = resample(scene, cloud, |surfels, spot, guess| {
+            surfels.nearest(spot, guess).map(|surfel| surfels.side(surfel, spot.normal))
+        });
+        Self { charts, samples }
+    }
+
+    /// The side of a surfel that stands for what a ray met; `None` where that is black.
+    pub fn side(&self, hit: &SurfacePoint) -> Option<u32> {
+        let place = self.charts.place(hit)?;
+        let right = if place.within.x > 0.5 { place.right } else { 0 };
+        let above = if place.within.y > 0.5 { place.above } else { 0 };
+        self.samples[(place.sample + right + above) as usize]
+    }
+}
+
+/// Asks a cloud for a value at each sample of a scene's charts, in their order.
+fn resample<T: Send>(
+    scene: &Scene,
+    cloud: &SurfelCloud,
+    value: impl Fn(&Reconstruction, &Spot, &mut usize) -> T + Sync,
+) -> (Charts, Vec<T>) {
+    let shares = shares(scene, cloud);
+    let most = MOST_SAMPLES * (cloud.len() + scene.primitive_count()) as u64;
+    let charts = Charts::new(scene, |primitive| shares[primitive as usize], most);
+    let surfels = Reconstruction::new(cloud);
+    let of_chart = |chart| {
+        let mut guess = 0;
+        let (surfels, value) = (&surfels, &value);
+        spots(scene, &charts, chart).map(move |spot| value(surfels, &spot, &mut guess))
+    };
+    let samples = (0..charts.as_slice().len()).into_par_iter().flat_map_iter(of_chart).collect();
+    (charts, samples)
+}
+
 /// Mean area of the surfels on each primitive; where there are none, of all.
 fn shares(scene: &Scene, cloud: &SurfelCloud) -> Vec<f32> {
     let mut sums = vec![(0.0, 0u32); scene.primitive_count()];
@@ -67,20 +106,13 @@ fn shares(scene: &Scene, cloud: &SurfelCloud) -> Vec<f32> {
 }
 
 /// The samples of a chart, the front's before the back's.
-fn resample<'a>(
-    scene: &'a Scene,
-    charts: &'a Charts,
-    index: usize,
-    reconstruction: &'a Reconstruction,
-) -> impl Iterator<Item = Vec3A> + 'a {
+fn spots<'a>(scene: &'a Scene, charts: &'a Charts, index: usize) -> impl Iterator<Item = Spot> + 'a {
     let chart = &charts.as_slice()[index];
     let material = scene.primitive_material(charts.primitive(index).0);
     let sides: &[f32] = if chart.two_sided { &[1.0, -1.0] } else { &[1.0] };
-    let mut guess = 0;
     sides.iter().flat_map(|&side| (0..chart.samples()).map(move |i| (side, i))).map(move |(side, i)| {
         let (position, normal) = charts.sample(scene, index, i);
-        let spot = Spot { position, normal: normal * side, material };
-        reconstruction.radiance(&spot, &mut guess).into()
+        Spot { position, normal: normal * side, material }
     })
 }
 

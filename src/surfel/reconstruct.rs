@@ -45,31 +45,43 @@ impl<'a> Reconstruction<'a> {
     /// Radiance that a side of the surface sends, W sr-1 m-2; black only if the cloud is empty, or black itself. `guess`
     /// holds the place of a surfel that may be near, and is given that of the nearest.
     pub fn radiance(&self, spot: &Spot, guess: &mut usize) -> Vec3 {
-        let cloud = self.cloud;
-        let own = |slot: usize, alike: f32| {
-            let i = self.tree.order[slot] as usize;
-            cloud.material[i] == spot.material
-                && self.side(i, spot.normal).is_some_and(|(cos, _)| cos >= alike)
-        };
-        // Surfels of the same surface; where a scene's cloud has none, of anything that looks this way.
-        let nearest = self.tree.nearest(spot.position, *guess, |slot| own(slot, ALIKE));
-        let nearest = nearest.or_else(|| self.tree.nearest(spot.position, *guess, |slot| own(slot, -1.0)));
-        let Some(nearest) = nearest else { return Vec3::ZERO };
-        *guess = nearest;
-        let i = self.tree.order[nearest] as usize;
-        let spacing = cloud.area[i].sqrt();
-        let reach = REACH * spacing.max(self.tree.points[nearest].distance(spot.position));
-        self.fit(spot, reach, SHEETS * spacing)
-            .unwrap_or_else(|| self.side(i, spot.normal).map_or(Vec3::ZERO, |(_, radiance)| radiance))
+        let Some(nearest) = self.nearest(spot, guess) else { return Vec3::ZERO };
+        let spacing = self.cloud.area[nearest].sqrt();
+        let reach = REACH * spacing.max(self.cloud.position[nearest].distance(spot.position));
+        let fit = self.fit(spot, reach, SHEETS * spacing);
+        fit.unwrap_or_else(|| self.light(self.side(nearest, spot.normal)))
     }
 
-    /// Radiance of the side of surfel `i` that looks the way of `normal`, and the cosine between them.
-    fn side(&self, i: usize, normal: Vec3) -> Option<(f32, Vec3)> {
+    /// The surfel that stands for a spot: the nearest on the same surface; where the cloud has none, the nearest of the same
+    /// material, or of any.
+    pub fn nearest(&self, spot: &Spot, guess: &mut usize) -> Option<usize> {
+        let search = |alike: f32| {
+            self.tree.nearest(spot.position, *guess, |slot| {
+                let i = self.tree.order[slot] as usize;
+                self.cloud.material[i] == spot.material && self.cosine(i, spot.normal) >= alike
+            })
+        };
+        let slot = search(ALIKE).or_else(|| search(-2.0));
+        let slot = slot.or_else(|| self.tree.nearest(spot.position, *guess, |_| true))?;
+        *guess = slot;
+        Some(self.tree.order[slot] as usize)
+    }
+
+    /// Side of surfel `i` that looks the way of `normal`: `2 i` for the front, `2 i + 1` for the back.
+    pub fn side(&self, i: usize, normal: Vec3) -> u32 {
+        let back = self.cloud.flags[i] & FLAG_TWO_SIDED != 0 && self.cloud.normal[i].dot(normal) < 0.0;
+        2 * i as u32 + u32::from(back)
+    }
+
+    fn light(&self, side: u32) -> Vec3 {
+        let lights = if side.is_multiple_of(2) { &self.cloud.radiance } else { &self.cloud.back_radiance };
+        lights[side as usize / 2]
+    }
+
+    /// Cosine between `normal` and that of the side of surfel `i` that looks its way.
+    fn cosine(&self, i: usize, normal: Vec3) -> f32 {
         let cosine = self.cloud.normal[i].dot(normal);
-        if cosine < 0.0 && self.cloud.flags[i] & FLAG_TWO_SIDED != 0 {
-            return Some((-cosine, self.cloud.back_radiance[i]));
-        }
-        Some((cosine, self.cloud.radiance[i]))
+        if self.cloud.flags[i] & FLAG_TWO_SIDED != 0 { cosine.abs() } else { cosine }
     }
 
     fn fit(&self, spot: &Spot, reach: f32, sheets: f32) -> Option<Vec3> {
@@ -80,18 +92,17 @@ impl<'a> Reconstruction<'a> {
             if self.cloud.material[i] != spot.material {
                 return;
             }
-            let Some((cosine, radiance)) = self.side(i, spot.normal) else { return };
             let offset = self.tree.points[slot] - spot.position;
             let normal = self.cloud.normal[i] * 1f32.copysign(self.cloud.normal[i].dot(spot.normal));
             // On one curved sheet, the two heights are equal and opposite.
             let height = 0.5 * offset.dot(spot.normal + normal);
-            if cosine < SMOOTH || height.abs() > sheets {
+            if self.cosine(i, spot.normal) < SMOOTH || height.abs() > sheets {
                 return;
             }
             let falloff = 1.0 - squared / (reach * reach);
             let weight = self.cloud.area[i] * falloff * falloff;
             let at = Vec2::new(frame.tangent.dot(offset), frame.bitangent.dot(offset));
-            sums.add(weight, at, radiance);
+            sums.add(weight, at, self.light(self.side(i, spot.normal)));
         });
         sums.solve(RIDGE * reach * reach)
     }

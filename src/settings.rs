@@ -12,6 +12,8 @@ pub enum GatherMethod {
     /// Surfels drawn into hemicubes.
     #[default]
     Hemicube,
+    /// Stratified cosine-weighted rays, each hit looked up among the surfels.
+    Traced,
     /// Stratified cosine-weighted rays, each hit shaded anew: the referee.
     MonteCarlo,
     /// No indirect light.
@@ -116,7 +118,7 @@ pub struct Settings {
     pub emitters: Emitters,
     /// Shadow rays a light and shading point.
     pub light_samples: u32,
-    /// Rays a Monte Carlo gather.
+    /// Rays a traced or Monte Carlo gather.
     pub gather_samples: u32,
     /// Camera rays that a pixel may get.
     pub samples: u32,

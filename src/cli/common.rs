@@ -104,7 +104,7 @@ pub struct TransportArgs {
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub light_samples: Option<u32>,
 
-    /// Rays of a Monte Carlo gather (256 unless given)
+    /// Rays of a traced gather, or of a Monte Carlo gather (256 unless given)
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     pub gather_samples: Option<u32>,
 

@@ -95,7 +95,7 @@ pub struct TransportArgs {
     #[arg(long, value_name = "S", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub light_samples: u32,
 
-    /// Rays of a traced or Monte Carlo gather [default: 64 traced, 256 Monte Carlo]
+    /// Rays of a traced or Monte Carlo gather [default: 128 traced, 256 Monte Carlo]
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     pub gather_samples: Option<u32>,
 

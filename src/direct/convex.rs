@@ -1,6 +1,7 @@
 //! A closed convex mesh of uniform radiance as one light. Its irradiance is Lambert's formula on its silhouette: edges
 //! between two faces that the receiver sees cancel.
 
+use super::alone::ProbePoint;
 use super::contour::{Clipper, Contour};
 use super::local::Local;
 use super::shadow::Query;
@@ -8,7 +9,7 @@ use super::silhouette::{ON_FACE, Silhouette};
 use super::solid::Solid;
 use super::view::{LightSample, View};
 use crate::accel::offset_origin;
-use crate::math::cosine_hemisphere;
+use crate::math::{Rng, cosine_hemisphere, uniform_triangle};
 use crate::scene::{PrimitiveId, Scene};
 use glam::{DVec3, Vec2, Vec3};
 use std::f64::consts::PI;
@@ -17,13 +18,21 @@ use std::ops::Range;
 /// More than the diagonal of a scene, scene units.
 const BEYOND: f32 = 2.0;
 
+/// Points that probing rays go to.
+const PROBES: usize = 1024;
+
+/// How far those points lie below the surface, relative to their distance from the middle.
+const WITHIN: f32 = 1e-3;
+
 /// A convex mesh that emits.
 #[derive(Debug, Clone)]
 pub(super) struct ConvexLight {
     silhouette: Silhouette,
+    /// Points spread over its surface by area, each a little within.
+    probes: Vec<Vec3>,
     /// Runs of its triangles' numbers, ascending.
     primitives: Vec<Range<PrimitiveId>>,
-    radiance: Vec3,
+    pub(super) radiance: Vec3,
     two_sided: bool,
 }
 
@@ -32,8 +41,10 @@ impl ConvexLight {
         let ends = || solid.edges.iter().flat_map(|e| e.ends);
         let (low, high) = ends().fold((Vec3::MAX, Vec3::MIN), |(low, high), v| (low.min(v), high.max(v)));
         let material = &scene.materials[solid.material as usize];
+        let centre = (low.as_dvec3() + high.as_dvec3()) * 0.5;
         Self {
-            silhouette: Silhouette::new(&solid.edges, (low.as_dvec3() + high.as_dvec3()) * 0.5),
+            silhouette: Silhouette::new(&solid.edges, centre),
+            probes: probes(scene, &solid.triangles, centre.as_vec3()),
             primitives: runs(&solid.triangles),
             radiance: material.emission,
             two_sided: material.two_sided,
@@ -42,38 +53,87 @@ impl ConvexLight {
 
     /// What a receiver sees of it.
     pub(super) fn view(&self, local: &Local) -> Option<View<'_>> {
+        let region = self.region(local)?;
+        let unshadowed = self.radiance * region.irradiance() as f32;
+        Some(View::convex(unshadowed, ConvexView { light: self, local: *local, region }))
+    }
+
+    /// Irradiance with radiance 1, shadows apart.
+    pub(super) fn irradiance(&self, local: &Local) -> f64 {
+        self.region(local).map_or(0.0, |region| region.irradiance())
+    }
+
+    /// One of the points on its surface.
+    pub(super) fn probe(&self, u: Vec2) -> ProbePoint {
+        // Only their order along the surface is known, so both numbers go into one: tens of parts, and tens within each.
+        let (parts, count) = ((self.probes.len() as f32).sqrt(), self.probes.len());
+        let index = ((u.x * parts).floor() + u.y) / parts * count as f32;
+        ProbePoint { position: self.probes[(index as usize).min(count - 1)], normal: Vec3::ZERO }
+    }
+
+    fn region(&self, local: &Local) -> Option<Region> {
         let edges = self.silhouette.edges(local.origin());
         if edges.len() == 0 {
-            return self.view_from_inside(local);
+            return self.surrounds(local).then_some(Region::Hemisphere);
         }
         let mut clipper = Clipper::new(local.scene_vector(DVec3::Z), edges.len());
         edges.for_each(|edge| clipper.push(edge));
-        let contour = clipper.finish()?;
-        let unshadowed = self.radiance * contour.irradiance() as f32;
-        Some(View::convex(unshadowed, self.seen(local, Region::Contour(contour))))
+        clipper.finish().map(Region::Contour)
     }
 
     /// From inside, a two-sided light fills the whole hemisphere.
-    fn view_from_inside(&self, local: &Local) -> Option<View<'_>> {
+    fn surrounds(&self, local: &Local) -> bool {
         if !self.two_sided {
-            return None;
+            return false;
         }
         let (normal, height) = self.silhouette.outermost(local.origin());
         // Within rounding of a face, the receiver's normal says on which side it is.
         let on_face = f64::from(height) > -2.0 * ON_FACE;
         let turned_in = local.scene_vector(DVec3::Z).dot(normal.as_dvec3()) < 0.0;
-        (!on_face || turned_in)
-            .then(|| View::convex(self.radiance * PI as f32, self.seen(local, Region::Hemisphere)))
+        !on_face || turned_in
     }
 
-    fn seen(&self, local: &Local, region: Region) -> ConvexView<'_> {
-        ConvexView { light: self, local: *local, region }
+    /// Whether the light itself is what a ray to a point within it meets first. A ray that meets nothing passed its outline
+    /// by rounding.
+    pub(super) fn reached(&self, query: &Query, point: Vec3, direction: Vec3) -> bool {
+        let normal = query.point.geometric_normal;
+        if direction.dot(normal) <= 0.0 {
+            return false;
+        }
+        let here = offset_origin(query.point.position, normal, direction);
+        // A receiver far outside has coordinates too coarse for rays to start from.
+        let far = (point - here).length_squared() > BEYOND * BEYOND;
+        let start = if far { point - direction * BEYOND } else { here };
+        query.accel.first_primitive(start, point - start, 1.0).is_none_or(|hit| self.owns(hit))
     }
 
     fn owns(&self, primitive: PrimitiveId) -> bool {
         let after = self.primitives.partition_point(|run| run.start <= primitive);
         after > 0 && self.primitives[after - 1].contains(&primitive)
     }
+}
+
+/// Points on triangles, uniformly by area, drawn towards `centre` so that rays to them pass through the surface.
+fn probes(scene: &Scene, triangles: &[usize], centre: Vec3) -> Vec<Vec3> {
+    let area = |t: usize| {
+        let [a, b, c] = scene.triangles[t];
+        f64::from((b - a).cross(c - a).length())
+    };
+    let step = triangles.iter().map(|&t| area(t)).sum::<f64>() / PROBES as f64;
+    let mut rng = Rng::new(0, PROBES as u64);
+    let (mut wanted, mut passed) = (0.5 * step, 0.0);
+    let mut probes = Vec::with_capacity(PROBES);
+    for &t in triangles {
+        passed += area(t);
+        while wanted < passed {
+            let [a, b, c] = scene.triangles[t];
+            let at = uniform_triangle(rng.unit2());
+            let point = a + (b - a) * at.x + (c - a) * at.y;
+            probes.push(point + (centre - point) * WITHIN);
+            wanted += step;
+        }
+    }
+    probes
 }
 
 /// Ascending numbers as ranges.
@@ -98,6 +158,15 @@ enum Region {
     Hemisphere,
 }
 
+impl Region {
+    fn irradiance(&self) -> f64 {
+        match self {
+            Self::Contour(contour) => contour.irradiance(),
+            Self::Hemisphere => PI,
+        }
+    }
+}
+
 /// A [`ConvexLight`] as one receiver sees it.
 #[derive(Debug)]
 pub(super) struct ConvexView<'a> {
@@ -106,7 +175,12 @@ pub(super) struct ConvexView<'a> {
     region: Region,
 }
 
-impl ConvexView<'_> {
+impl<'a> ConvexView<'a> {
+    /// The light itself.
+    pub(super) fn light(&self) -> &'a ConvexLight {
+        self.light
+    }
+
     /// A direction, and a point within the body there.
     pub(super) fn sample(&self, u: Vec2) -> LightSample {
         let (offset, solid_angle, weight) = match &self.region {
@@ -127,19 +201,5 @@ impl ConvexView<'_> {
             weight: weight as f32,
             perpendicular: self.light.radiance * solid_angle as f32,
         }
-    }
-
-    /// Whether the light itself is what a ray to a point within it meets first. A ray that meets nothing passed its outline
-    /// by rounding.
-    pub(super) fn reached(&self, query: &Query, sample: &LightSample) -> bool {
-        let normal = query.point.geometric_normal;
-        if sample.direction.dot(normal) <= 0.0 {
-            return false;
-        }
-        let here = offset_origin(query.point.position, normal, sample.direction);
-        // A receiver far outside has coordinates too coarse for rays to start from.
-        let far = (sample.point - here).length_squared() > BEYOND * BEYOND;
-        let start = if far { sample.point - sample.direction * BEYOND } else { here };
-        query.accel.first_primitive(start, sample.point - start, 1.0).is_none_or(|hit| self.light.owns(hit))
     }
 }

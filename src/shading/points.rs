@@ -76,6 +76,13 @@ impl View {
         self.trace(accel, Vec2::new(x as f32, y as f32) + self.jitter(stream, sample), stream)
     }
 
+    /// What a ray through the pixel to which a sample's stream belongs meets; `within` is in the unit square.
+    pub fn trace_within(&self, accel: &Accel, stream: u64, within: Vec2) -> Option<ShadingPoint> {
+        let pixel = stream / u64::from(self.samples);
+        let (x, y) = (pixel % u64::from(self.width), pixel / u64::from(self.width));
+        self.trace(accel, Vec2::new(x as f32, y as f32) + within, stream)
+    }
+
     /// Unit direction from a point to the camera.
     pub fn to_camera(&self, point: Vec3) -> Vec3 {
         (self.origin - point).normalize_or(-self.forward)

@@ -147,7 +147,7 @@ impl Middles {
 }
 
 /// Whether two points lie on one smooth surface of one material, as far as a pixel that is `footprint` wide can tell.
-fn same_surface(a: &ShadingPoint, b: &ShadingPoint, footprint: f32) -> bool {
+pub(super) fn same_surface(a: &ShadingPoint, b: &ShadingPoint, footprint: f32) -> bool {
     let offset = b.position - a.position;
     a.material == b.material
         && a.black == b.black

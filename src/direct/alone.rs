@@ -48,10 +48,17 @@ impl<'a> LightAlone<'a> {
         matches!(self.light, Light::Punctual(light) if light.is_point())
     }
 
-    /// Irradiance without any shadow from a light of colour 1, exact; 0 below the horizon.
-    pub fn unshadowed(&self, point: &LitPoint) -> f32 {
-        let factor = self.light.irradiance(&Local::new(point)) as f32;
-        if factor.is_finite() { factor.max(0.0) } else { 0.0 }
+    /// Irradiance without any shadow from a light of colour 1 at each point, in closed form; 0 below the horizon. Neighbours
+    /// should follow each other.
+    pub fn unshadowed(&self, points: &[LitPoint]) -> Vec<f32> {
+        let sound = |factor: f64| if factor.is_finite() { factor.max(0.0) as f32 } else { 0.0 };
+        let locals = points.iter().map(Local::new);
+        match self.light {
+            Light::Convex(convex) => {
+                convex.irradiances(&locals.collect::<Vec<_>>()).into_iter().map(sound).collect()
+            }
+            light => locals.map(|local| sound(light.irradiance(&local))).collect(),
+        }
     }
 
     /// Whether a point of the light that belongs to a point of the unit square is seen; `None` when it is below the

@@ -2,7 +2,8 @@
 //! between two faces that the receiver sees cancel.
 
 use super::alone::ProbePoint;
-use super::contour::{Clipper, Contour};
+use super::contour::{Clipper, Contour, arc};
+use super::flux::{self, Flux};
 use super::local::Local;
 use super::shadow::Query;
 use super::silhouette::{ON_FACE, Silhouette};
@@ -28,6 +29,13 @@ const WITHIN: f32 = 1e-3;
 #[derive(Debug, Clone)]
 pub(super) struct ConvexLight {
     silhouette: Silhouette,
+    /// Middle of its bounding box.
+    centre: DVec3,
+    /// Distance from there that no part exceeds.
+    radius: f64,
+    /// Area of its surface over 4 pi: a convex body's outline is on average as large as that of a sphere of the same surface
+    /// (Cauchy 1832).
+    mean_radius_squared: f64,
     /// Points spread over its surface by area, each a little within.
     probes: Vec<Vec3>,
     /// Runs of its triangles' numbers, ascending.
@@ -42,8 +50,12 @@ impl ConvexLight {
         let (low, high) = ends().fold((Vec3::MAX, Vec3::MIN), |(low, high), v| (low.min(v), high.max(v)));
         let material = &scene.materials[solid.material as usize];
         let centre = (low.as_dvec3() + high.as_dvec3()) * 0.5;
+        let area: f64 = solid.triangles.iter().map(|&t| 0.5 * doubled_area(scene, t)).sum();
         Self {
             silhouette: Silhouette::new(&solid.edges, centre),
+            centre,
+            radius: ends().map(|v| v.as_dvec3().distance(centre)).fold(0.0, f64::max),
+            mean_radius_squared: area / (4.0 * PI),
             probes: probes(scene, &solid.triangles, centre.as_vec3()),
             primitives: runs(&solid.triangles),
             radiance: material.emission,
@@ -63,6 +75,41 @@ impl ConvexLight {
         self.region(local).map_or(0.0, |region| region.irradiance())
     }
 
+    /// [`Self::irradiance`] at many receivers, to 1e-4 of what surfaces facing the light get.
+    pub(super) fn irradiances(&self, receivers: &[Local]) -> Vec<f64> {
+        let mut irradiances = vec![0.0; receivers.len()];
+        let mut clear = Vec::with_capacity(receivers.len());
+        for (index, local) in receivers.iter().enumerate() {
+            let to_centre = self.centre - local.origin();
+            let height = to_centre.dot(local.normal());
+            let near = to_centre.length_squared() < (flux::NEAR * self.radius).powi(2);
+            if near || height.abs() <= self.radius {
+                irradiances[index] = self.irradiance(local);
+            } else if height > 0.0 {
+                clear.push(Flux { index, at: local.origin(), vector: DVec3::ZERO });
+            }
+        }
+        flux::find(self, &mut clear);
+        clear.iter().for_each(|f| irradiances[f.index] = f.vector.dot(receivers[f.index].normal()));
+        irradiances
+    }
+
+    /// Vector irradiance with radiance 1, W m-2: its component along a normal is the irradiance of a receiver outside that has
+    /// the whole light above its horizon.
+    pub(super) fn flux(&self, at: DVec3) -> DVec3 {
+        self.silhouette.edges(at).map(|[a, b]| arc(a, b).0).sum::<DVec3>() * -0.5
+    }
+
+    /// Middle of its bounding box.
+    pub(super) fn centre(&self) -> DVec3 {
+        self.centre
+    }
+
+    /// Square of the radius of a sphere with the same surface.
+    pub(super) fn mean_radius_squared(&self) -> f64 {
+        self.mean_radius_squared
+    }
+
     /// One of the points on its surface.
     pub(super) fn probe(&self, u: Vec2) -> ProbePoint {
         // Only their order along the surface is known, so both numbers go into one: tens of parts, and tens within each.
@@ -76,7 +123,7 @@ impl ConvexLight {
         if edges.len() == 0 {
             return self.surrounds(local).then_some(Region::Hemisphere);
         }
-        let mut clipper = Clipper::new(local.scene_vector(DVec3::Z), edges.len());
+        let mut clipper = Clipper::new(local.normal(), edges.len());
         edges.for_each(|edge| clipper.push(edge));
         clipper.finish().map(Region::Contour)
     }
@@ -89,7 +136,7 @@ impl ConvexLight {
         let (normal, height) = self.silhouette.outermost(local.origin());
         // Within rounding of a face, the receiver's normal says on which side it is.
         let on_face = f64::from(height) > -2.0 * ON_FACE;
-        let turned_in = local.scene_vector(DVec3::Z).dot(normal.as_dvec3()) < 0.0;
+        let turned_in = local.normal().dot(normal.as_dvec3()) < 0.0;
         !on_face || turned_in
     }
 
@@ -115,16 +162,12 @@ impl ConvexLight {
 
 /// Points on triangles, uniformly by area, drawn towards `centre` so that rays to them pass through the surface.
 fn probes(scene: &Scene, triangles: &[usize], centre: Vec3) -> Vec<Vec3> {
-    let area = |t: usize| {
-        let [a, b, c] = scene.triangles[t];
-        f64::from((b - a).cross(c - a).length())
-    };
-    let step = triangles.iter().map(|&t| area(t)).sum::<f64>() / PROBES as f64;
+    let step = triangles.iter().map(|&t| doubled_area(scene, t)).sum::<f64>() / PROBES as f64;
     let mut rng = Rng::new(0, PROBES as u64);
     let (mut wanted, mut passed) = (0.5 * step, 0.0);
     let mut probes = Vec::with_capacity(PROBES);
     for &t in triangles {
-        passed += area(t);
+        passed += doubled_area(scene, t);
         while wanted < passed {
             let [a, b, c] = scene.triangles[t];
             let at = uniform_triangle(rng.unit2());
@@ -134,6 +177,12 @@ fn probes(scene: &Scene, triangles: &[usize], centre: Vec3) -> Vec<Vec3> {
         }
     }
     probes
+}
+
+/// Twice the area of a triangle.
+fn doubled_area(scene: &Scene, triangle: usize) -> f64 {
+    let [a, b, c] = scene.triangles[triangle];
+    f64::from((b - a).cross(c - a).length())
 }
 
 /// Ascending numbers as ranges.

@@ -8,6 +8,7 @@ mod chosen;
 mod collect;
 mod contour;
 mod convex;
+mod flux;
 mod light_tree;
 mod local;
 mod many;

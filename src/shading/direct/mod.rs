@@ -85,8 +85,10 @@ impl<'a> Lit<'a> {
         let mixed = answers.disagreements(self, hood, light);
         let (wide, mut alone) = mixed.split(light);
         let refined = wide.len() + alone.len();
-        alone.extend(shared::average(self, hood, light, &mut answers, &wide));
+        let steep = shared::average(self, hood, light, &mut answers, &wide);
+        alone.extend(steep.iter().map(|steep| steep.point));
         own::average(self, light, &mut answers, &alone);
+        own::smooth(self, hood, &mut answers, &steep);
         let irradiance =
             answers.unshadowed.par_iter().zip(&answers.visible).with_min_len(4096).map(|(e, v)| e * v);
         Shadowed { irradiance: irradiance.collect(), refined }

@@ -2,10 +2,13 @@
 
 use super::super::points::ShadingPoint;
 use super::super::visible::same_surface;
+use super::hood::{Hood, Neighbour};
 use super::probe::Answers;
-use super::{Lit, lit_point};
+use super::shared::{Steep, steepest};
+use super::{Lit, PORTION, lit_point};
 use crate::direct::sequence::Sequence;
 use crate::direct::{LightAlone, LightSeen, Visibility};
+use glam::Vec2;
 use rayon::prelude::*;
 
 /// Sets places in a pixel apart from points of a light.
@@ -19,6 +22,31 @@ pub fn average(lit: &Lit, light: LightAlone, answers: &mut Answers, points: &[u3
         .map(|&i| visibility(lit, light, &lit.visible.points[i as usize]))
         .collect();
     points.iter().zip(visible).for_each(|(&i, visible)| answers.visible[i as usize] = visible);
+}
+
+/// Averages what [`average`] found at steep points over those of their neighbours at which, by the gradient, visibility is
+/// about the same: along the outline of a shadow, not across it.
+pub fn smooth(lit: &Lit, hood: &Hood, answers: &mut Answers, steep: &[Steep]) {
+    let mut found = vec![f32::NAN; answers.visible.len()];
+    steep.iter().for_each(|s| found[s.point as usize] = answers.visible[s.point as usize]);
+    let tolerated = 0.5 * steepest(lit.settings.light_samples);
+    let smoothed: Vec<f32> = steep
+        .par_iter()
+        .with_min_len(PORTION)
+        .map(|s| {
+            let (mut sum, mut weights) = (found[s.point as usize], 1.0);
+            let beside = |n: &Neighbour| n.point != s.point as usize && !found[n.point].is_nan();
+            for n in hood.neighbours(lit.view, s.point as usize).filter(beside) {
+                let difference = s.gradient.dot(Vec2::new(n.dx, n.dy)).abs();
+                // An unknown gradient tolerates no neighbour.
+                let weight = n.weight() * (1.0 - difference / tolerated).max(0.0);
+                sum += weight * found[n.point];
+                weights += weight;
+            }
+            sum / weights
+        })
+        .collect();
+    steep.iter().zip(smoothed).for_each(|(s, visible)| answers.visible[s.point as usize] = visible);
 }
 
 fn visibility(lit: &Lit, light: LightAlone, point: &ShadingPoint) -> f32 {

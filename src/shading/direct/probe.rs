@@ -19,6 +19,9 @@ const PROBES_AT_EDGES: u32 = 4;
 /// Rays tried where the light reaches below the horizon.
 const TRIES: u32 = 4;
 
+/// Points that a worker takes at a time: a few rows of an ordinary picture.
+const CHUNK: usize = 4096;
+
 /// Marks a disagreement in [`Hood::spread`].
 const MIXED: u8 = 1;
 
@@ -55,25 +58,27 @@ impl Mixed {
 impl Answers {
     /// Asks at every matte point.
     pub fn probe(lit: &Lit, hood: &Hood, light: LightAlone) -> Self {
-        let spread = Interleaved::new(lit.settings.seed, light.number);
-        let ask = |i: usize| {
-            let point = &lit.visible.points[i];
-            if !lit.is_matte(point) {
-                return (0.0, 0);
+        let count = lit.visible.points.len();
+        let mut answers =
+            Self { unshadowed: vec![0.0; count], visible: vec![0.0; count], found: vec![0; count] };
+        let unshadowed = answers.unshadowed.par_chunks_mut(CHUNK);
+        let portions =
+            unshadowed.zip(answers.visible.par_chunks_mut(CHUNK)).zip(answers.found.par_chunks_mut(CHUNK));
+        portions.enumerate().for_each(|(k, ((unshadowed, visible), found))| {
+            let first = k * CHUNK;
+            let matte: Vec<usize> =
+                (0..found.len()).filter(|i| lit.is_matte(&lit.visible.points[first + i])).collect();
+            let receivers: Vec<LitPoint> =
+                matte.iter().map(|i| lit_point(&lit.visible.points[first + i])).collect();
+            for ((&i, receiver), factor) in matte.iter().zip(&receivers).zip(light.unshadowed(&receivers)) {
+                if factor > 0.0 {
+                    unshadowed[i] = factor;
+                    found[i] = ask(lit, hood, light, first + i, receiver);
+                    visible[i] = if found[i] == LIT { 1.0 } else { 0.0 };
+                }
             }
-            let receiver = lit_point(point);
-            let unshadowed = light.unshadowed(&receiver);
-            if unshadowed <= 0.0 {
-                return (0.0, 0);
-            }
-            let first = answer(light, &receiver, spread.probe(hood.place(i)));
-            let more = Sequence::new(lit.settings.seed, point.stream, light.number);
-            (unshadowed, complete(light, &receiver, first, hood.fills_pixel(i), more))
-        };
-        let (unshadowed, found): (Vec<f32>, Vec<u8>) =
-            (0..lit.visible.points.len()).into_par_iter().with_min_len(PORTION).map(ask).unzip();
-        let visible = found.iter().map(|&found| if found == LIT { 1.0 } else { 0.0 }).collect();
-        Self { unshadowed, visible, found }
+        });
+        answers
     }
 
     /// Points of whose neighbourhood, a few pixels across, some see the light and others do not; and points close to those,
@@ -125,14 +130,16 @@ fn answer(light: LightAlone, point: &LitPoint, u: glam::Vec2) -> u8 {
     }
 }
 
-/// More rays, where one is not enough to start with.
-fn complete(light: LightAlone, point: &LitPoint, first: u8, fills_pixel: bool, more: Sequence) -> u8 {
-    let mut found = first;
+/// What one ray finds at a point, or more of them where one is not enough to start with.
+fn ask(lit: &Lit, hood: &Hood, light: LightAlone, i: usize, point: &LitPoint) -> u8 {
+    let seed = lit.settings.seed;
+    let mut found = answer(light, point, Interleaved::new(seed, light.number).probe(hood.place(i)));
+    let more = Sequence::new(seed, lit.visible.points[i].stream, light.number);
     let ask = |ray: u32| answer(light, point, more.point(ray));
     if found == UNKNOWN {
         found = (0..TRIES).map(ask).find(|&answer| answer != UNKNOWN).unwrap_or(UNKNOWN);
     }
-    if !fills_pixel && !light.is_point() {
+    if !hood.fills_pixel(i) && !light.is_point() {
         let others = (0..PROBES_AT_EDGES - 1).map(ask).filter(|&answer| answer != UNKNOWN);
         found = others.fold(found, |found, answer| found | answer);
     }

@@ -5,7 +5,7 @@ use super::interleaved::Interleaved;
 use super::probe::Answers;
 use super::{Lit, PORTION, lit_point};
 use crate::direct::{LightAlone, Visibility};
-use glam::{Mat3, Vec3, Vec3Swizzles};
+use glam::{Mat3, Vec2, Vec3, Vec3Swizzles};
 use rayon::prelude::*;
 
 /// The part of a point's rays that it traces when it shares them with its neighbours, of which there are sixteen in effect.
@@ -16,13 +16,33 @@ const PART: u32 = 4;
 /// equal, so is the change across the neighbourhood to this over n^(3/4).
 const STEEP: f32 = 3.5;
 
+/// A point at which visibility changes too quickly for a fit.
+#[derive(Debug, Clone, Copy)]
+pub struct Steep {
+    /// Its number.
+    pub point: u32,
+    /// Change of visibility from pixel to pixel, about.
+    pub gradient: Vec2,
+}
+
+/// The change across a neighbourhood above which [`Steep`] begins.
+pub fn steepest(light_samples: u32) -> f32 {
+    STEEP / (light_samples as f32).powf(0.75)
+}
+
 /// Finds the visibility at points that have their pixels to themselves; returns those where it changes too quickly.
-pub fn average(lit: &Lit, hood: &Hood, light: LightAlone, answers: &mut Answers, points: &[u32]) -> Vec<u32> {
+pub fn average(
+    lit: &Lit,
+    hood: &Hood,
+    light: LightAlone,
+    answers: &mut Answers,
+    points: &[u32],
+) -> Vec<Steep> {
     let tallies = trace(lit, hood, light, points);
     let mut of_point = vec![u32::MAX; answers.visible.len()];
     points.iter().enumerate().for_each(|(k, &i)| of_point[i as usize] = k as u32);
-    let steep = STEEP / (lit.settings.light_samples as f32).powf(0.75);
-    let fits: Vec<Option<f32>> = points
+    let steepest = steepest(lit.settings.light_samples);
+    let fits: Vec<Option<(f32, Vec2)>> = points
         .par_iter()
         .with_min_len(PORTION)
         .map(|&i| {
@@ -35,14 +55,16 @@ pub fn average(lit: &Lit, hood: &Hood, light: LightAlone, answers: &mut Answers,
                 };
                 fit.add(n.dx, n.dy, n.weight(), tally);
             }
-            fit.solve().filter(|(_, change)| *change <= steep).map(|(visible, _)| visible)
+            fit.solve()
         })
         .collect();
     let mut left = Vec::new();
     for (&i, fit) in points.iter().zip(fits) {
-        match fit {
-            Some(visible) => answers.visible[i as usize] = visible,
-            None => left.push(i),
+        let (visible, gradient) = fit.unwrap_or((0.0, Vec2::INFINITY));
+        if 2.0 * REACH as f32 * gradient.length() <= steepest {
+            answers.visible[i as usize] = visible;
+        } else {
+            left.push(Steep { point: i, gradient });
         }
     }
     left
@@ -82,8 +104,8 @@ impl Fit {
         self.right += weight * tally.arrived * Vec3::new(1.0, x, y);
     }
 
-    /// Visibility in the middle, 0..=1, and how much it changes across the neighbourhood; `None` where points are too few.
-    fn solve(&self) -> Option<(f32, f32)> {
+    /// Visibility in the middle, 0..=1, and its change a pixel; `None` where points are too few.
+    fn solve(&self) -> Option<(f32, Vec2)> {
         let [n, x, y, xx, xy, yy] = self.products;
         if n <= 0.0 {
             return None;
@@ -94,7 +116,6 @@ impl Fit {
             return None;
         }
         let fit = matrix.inverse() * self.right;
-        let across = 2.0 * REACH as f32 * fit.yz().length();
-        Some((fit.x.clamp(0.0, 1.0), across))
+        Some((fit.x.clamp(0.0, 1.0), fit.yz()))
     }
 }

@@ -29,6 +29,9 @@ impl ShadingPoint {
     }
 }
 
+/// Surfaces seen at less than this cosine are taken for no flatter.
+const GRAZING: f32 = 0.01;
+
 /// A camera with its picture, in scene space.
 #[derive(Debug, Clone)]
 pub struct View {
@@ -97,6 +100,13 @@ impl View {
     pub fn footprint(&self, point: Vec3) -> f32 {
         let along = (point - self.origin).dot(self.forward) / self.forward.length_squared();
         along.abs().max(f32::MIN_POSITIVE) * 2.0 * self.right.length() / self.width as f32
+    }
+
+    /// Distance between the points of neighbouring pixels, scene units: the geometric mean of the two directions on a surface
+    /// that is seen at a slant.
+    pub fn spacing(&self, point: &ShadingPoint) -> f32 {
+        let cosine = self.to_camera(point.position).dot(point.normal).abs();
+        self.footprint(point.position) / cosine.max(GRAZING).sqrt()
     }
 
     /// No point within `radius` of a point appears further from it than this, pixels; `None` where the camera is among them.

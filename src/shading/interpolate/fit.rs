@@ -15,6 +15,9 @@ const RIDGE: f32 = 0.05;
 /// A fit stays within this factor of the mean of its records.
 const OVERSHOOT: f32 = 2.5;
 
+/// Less than this weight is nothing but rounding or the rim of a support.
+const LEAST_WEIGHT: f32 = 1e-4;
+
 /// What records say of a point.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Fit {
@@ -47,6 +50,7 @@ pub fn fit<F: F32x8>(records: &RecordLanes, points: &PointLanes) -> [Fit; LANES]
     for record in &records.list {
         sums.add(record, &at);
     }
+    sums.leave_out(points);
     sums.solve()
 }
 
@@ -129,6 +133,16 @@ impl<F: F32x8> Sums<F> {
         self.y_light[channel] = self.y_light[channel] + wy * light;
     }
 
+    /// Takes away the records that stand at the points themselves, if any.
+    #[inline(always)]
+    fn leave_out(&mut self, points: &PointLanes) {
+        let weight = F::load(&points.left_out_weight);
+        self.weight = self.weight - weight;
+        self.light[0] = self.light[0] - F::load(&points.left_out_light[0]);
+        self.light[1] = self.light[1] - F::load(&points.left_out_light[1]);
+        self.light[2] = self.light[2] - F::load(&points.left_out_light[2]);
+    }
+
     /// The fit's value at the points themselves: mean - gradient . mean offset.
     #[inline(always)]
     fn solve(&self) -> [Fit; LANES] {
@@ -139,23 +153,38 @@ impl<F: F32x8> Sums<F> {
         let ridge = (xx + yy) * F::splat(RIDGE) + tiny;
         let (xx, yy) = (xx + ridge, yy + ridge);
         let determinant = (xx * yy - xy * xy).max(tiny).recip();
-        // What an offset of the light's first moments weighs in the value.
-        let (ax, ay) = ((x * yy - y * xy) * determinant, (y * xx - x * xy) * determinant);
-        let value = |channel: usize| {
-            let mean = self.light[channel] * inverse;
-            let (bx, by) =
-                (self.x_light[channel] * inverse - x * mean, self.y_light[channel] * inverse - y * mean);
-            let fitted = mean - (ax * bx + ay * by);
-            fitted.max(mean * F::splat(1.0 / OVERSHOOT)).min(mean * F::splat(OVERSHOOT)).to_array()
+        // What the light's first moments weigh in the value.
+        let moments = Moments {
+            inverse,
+            offset: [x, y],
+            factor: [(x * yy - y * xy) * determinant, (y * xx - x * xy) * determinant],
         };
-        let light = [value(0), value(1), value(2)];
+        let light = [self.value(&moments, 0), self.value(&moments, 1), self.value(&moments, 2)];
         let weight = self.weight.to_array();
         let nearest = self.nearest.to_array();
         std::array::from_fn(|i| Fit {
-            irradiance: (weight[i] > 0.0).then(|| Vec3::new(light[0][i], light[1][i], light[2][i])),
+            irradiance: (weight[i] > LEAST_WEIGHT).then(|| Vec3::new(light[0][i], light[1][i], light[2][i])),
             reached: nearest[i] < 1.0 / (SUPPORT * SUPPORT),
         })
     }
+
+    #[inline(always)]
+    fn value(&self, moments: &Moments<F>, channel: usize) -> [f32; LANES] {
+        let mean = self.light[channel] * moments.inverse;
+        let bx = self.x_light[channel] * moments.inverse - moments.offset[0] * mean;
+        let by = self.y_light[channel] * moments.inverse - moments.offset[1] * mean;
+        let fitted = mean - (moments.factor[0] * bx + moments.factor[1] * by);
+        fitted.max(mean * F::splat(1.0 / OVERSHOOT)).min(mean * F::splat(OVERSHOOT)).to_array()
+    }
+}
+
+/// What the values of all channels have in common.
+struct Moments<F> {
+    /// 1 / sum of weights.
+    inverse: F,
+    /// Mean offset of the records.
+    offset: [F; 2],
+    factor: [F; 2],
 }
 
 #[inline(always)]

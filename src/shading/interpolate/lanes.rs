@@ -4,7 +4,7 @@ use super::fit::{Fit, FitRecord, Points8, SUPPORT, fit};
 use super::record::Record;
 use crate::hemicube::lanes::{F32x8, LANES, Portable};
 use crate::math::Frame;
-use crate::shading::points::ShadingPoint;
+use glam::Vec3;
 
 /// The records that reach into a tile.
 #[derive(Debug, Default)]
@@ -22,7 +22,7 @@ impl RecordLanes {
                 position: r.position.to_array(),
                 normal: r.normal.to_array(),
                 scale: 1.0 / (support * support),
-                importance: r.shortest / r.reach,
+                importance: r.importance(),
                 irradiance: r.irradiance.to_array(),
             }
         }));
@@ -30,24 +30,39 @@ impl RecordLanes {
 }
 
 /// Eight points; where there are fewer, the last is repeated.
+#[derive(Default)]
 pub struct PointLanes {
     vectors: [[[f32; LANES]; 3]; 4],
+    /// Weight and light of records that a fit at the points shall not use.
+    pub left_out_weight: [f32; LANES],
+    pub left_out_light: [[f32; LANES]; 3],
 }
 
 impl PointLanes {
-    /// Lays out up to eight points.
-    pub fn new(points: &[&ShadingPoint]) -> Self {
-        let mut vectors = [[[0.0; LANES]; 3]; 4];
+    /// Lays out `count` points, up to eight: `place` gives position and unit normal.
+    pub fn new(count: usize, place: impl Fn(usize) -> (Vec3, Vec3)) -> Self {
+        let mut lanes = Self::default();
         for lane in 0..LANES {
-            let point = points[lane.min(points.len() - 1)];
-            let frame = Frame::from_normal(point.shading_normal);
+            let (position, normal) = place(lane.min(count - 1));
+            let frame = Frame::from_normal(normal);
             for (vector, v) in
-                vectors.iter_mut().zip([point.position, frame.normal, frame.tangent, frame.bitangent])
+                lanes.vectors.iter_mut().zip([position, normal, frame.tangent, frame.bitangent])
             {
                 (0..3).for_each(|k| vector[k][lane] = v[k]);
             }
         }
-        Self { vectors }
+        lanes
+    }
+
+    /// Lays out up to eight records that shall be predicted from the others.
+    pub fn without<'r>(count: usize, record: impl Fn(usize) -> &'r Record) -> Self {
+        let mut lanes = Self::new(count, |lane| (record(lane).position, record(lane).normal));
+        for lane in 0..count {
+            lanes.left_out_weight[lane] = record(lane).importance();
+            let light = record(lane).irradiance * record(lane).importance();
+            (0..3).for_each(|k| lanes.left_out_light[k][lane] = light[k]);
+        }
+        lanes
     }
 
     #[inline(always)]

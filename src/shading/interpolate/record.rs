@@ -4,7 +4,7 @@ use crate::gather::Estimate;
 use crate::shading::points::ShadingPoint;
 use glam::Vec3;
 
-/// Shortest and longest reach of a record, pixels where the surface faces the camera.
+/// Shortest and longest reach of a record, pixels.
 const SHORTEST: f32 = 2.5;
 const LONGEST: f32 = 40.0;
 
@@ -23,28 +23,35 @@ pub struct Record {
     pub shortest: f32,
 }
 
+impl Record {
+    /// Factor of the record's weight in fits: records lie the denser, the shorter they reach.
+    pub fn importance(&self) -> f32 {
+        self.shortest / self.reach
+    }
+}
+
 /// From tolerances to distances.
 #[derive(Debug, Clone, Copy)]
 pub struct Reaches {
-    /// Reach over harmonic mean distance.
-    factor: f32,
+    /// Relative error that interpolation aims at.
+    pub tolerance: f32,
 }
 
 impl Reaches {
     /// The error of a linear fit grows with the square of the distance between records, measured in harmonic mean distances.
     pub fn new(tolerance: f32) -> Self {
-        Self { factor: tolerance.sqrt() }
+        Self { tolerance }
     }
 
-    /// The record of a gather; `footprint` is the width of a pixel there.
-    pub fn record(&self, point: &ShadingPoint, estimate: &Estimate, footprint: f32) -> Record {
-        let shortest = SHORTEST * footprint;
-        let reach = self.factor / estimate.closeness.max(f32::MIN_POSITIVE);
+    /// The record of a gather; `spacing` is the distance of pixels there.
+    pub fn record(&self, point: &ShadingPoint, estimate: &Estimate, spacing: f32) -> Record {
+        let shortest = SHORTEST * spacing;
+        let reach = self.tolerance.sqrt() / estimate.closeness.max(f32::MIN_POSITIVE);
         Record {
             position: point.position,
             normal: point.shading_normal,
             irradiance: estimate.irradiance,
-            reach: reach.clamp(shortest, LONGEST * footprint),
+            reach: reach.clamp(shortest, LONGEST * spacing),
             shortest,
         }
     }

@@ -14,7 +14,7 @@ const PART: u32 = 4;
 /// What a linear fit misses of a penumbra that is as wide as the neighbourhood, relative to the change of visibility: about
 /// a tenth. Own rays miss about 0.32 / n^(3/4), the standard deviation of n stratified samples of an edge. Where both are
 /// equal, so is the change across the neighbourhood to this over n^(3/4).
-const STEEP: f32 = 3.5;
+const STEEP: f32 = 2.5;
 
 /// A point at which visibility changes too quickly for a fit.
 #[derive(Debug, Clone, Copy)]

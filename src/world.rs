@@ -148,7 +148,7 @@ impl World {
                 self.receiver(position, normal, hash32(side ^ hash32(settings.seed)))
             })
             .collect();
-        let mut gatherer = self.gatherer(settings)?;
+        let mut gatherer = self.id_gatherer(settings)?;
         let ordered = self.order(&receivers, settings, gatherer.batch_size());
         Transfer::gather(sides, ordered, &self.drawables, &self.weights, gatherer.as_mut(), run)
     }
@@ -191,7 +191,16 @@ impl World {
     /// # Errors
     /// When the device is not there or fails.
     pub fn gatherer(&self, settings: &Settings) -> Result<Box<dyn Gatherer + '_>> {
-        create(self.device.device, &self.accel, &self.lights, &self.drawables, settings)
+        let light = Some(self.convolver());
+        create(self.device.device, &self.accel, &self.lights, &self.drawables, light, settings)
+    }
+
+    /// A gatherer that hands back surfel ids, where the method has any.
+    ///
+    /// # Errors
+    /// As [`World::gatherer`].
+    pub fn id_gatherer(&self, settings: &Settings) -> Result<Box<dyn Gatherer + '_>> {
+        create(self.device.device, &self.accel, &self.lights, &self.drawables, None, settings)
     }
 }
 

@@ -8,6 +8,7 @@ use super::vulkan::{BatchSize, VulkanGatherer, VulkanSettings};
 use crate::accel::Accel;
 use crate::direct::Lights;
 use crate::error::Result;
+use crate::hemicube::convolve::Convolver;
 use crate::settings::{GatherMethod, Settings};
 use crate::surfel::drawable::Drawables;
 
@@ -27,7 +28,7 @@ pub fn choose_device(settings: &Settings) -> Result<Choice> {
     }
 }
 
-/// Makes the gatherer.
+/// Makes the gatherer. One that can convolve its own hemicubes does so with `convolver`; without, hemicubes come as ids.
 ///
 /// # Errors
 /// When the device cannot be opened or has too little memory.
@@ -35,7 +36,8 @@ pub fn create<'a>(
     device: Chosen,
     accel: &'a Accel,
     lights: &'a Lights,
-    drawables: &Drawables,
+    drawables: &'a Drawables,
+    convolver: Option<Convolver<'a>>,
     settings: &Settings,
 ) -> Result<Box<dyn Gatherer + 'a>> {
     let resolution = settings.face_resolution;
@@ -53,7 +55,11 @@ pub fn create<'a>(
                 BatchSize::Fixed(n) => n,
             };
             let cpu = CpuSettings { resolution, batch, frames_in_flight };
-            Box::new(CpuGatherer::new(drawables.splats.clone(), drawables.shape, cpu)?)
+            let gatherer = CpuGatherer::new(drawables.splats.as_slice(), drawables.shape, cpu)?;
+            Box::new(match convolver {
+                Some(convolver) => gatherer.convolving(convolver),
+                None => gatherer,
+            })
         }
         (GatherMethod::Hemicube, Chosen::Vulkan(index)) => {
             let vulkan = VulkanSettings {

@@ -104,15 +104,12 @@ impl Raster {
         }
         let n = self.resolution as f32;
         let bounds = PixelBounds::<F>::new::<FACE>(extent, n);
-        let columns = bounds.hold_a_column(n);
+        let which = bounds.hold_a_column(n).bits() & touching;
         if self.u.len() == 1 {
-            for y in 0..rows(FACE, self.resolution) {
-                let row = F::splat(y as f32);
-                let within = bounds.y[0].le(row).and(row.le(bounds.y[1])).and(columns);
-                self.bins.add(self.first_row[FACE] + y as usize, start, within.bits() & touching);
-            }
+            let count = rows(FACE, self.resolution) as usize;
+            self.bins.add(self.first_row[FACE], count, start, which, bounds.y);
         } else {
-            self.draw_block::<F, FACE, TRIANGLE>(start, columns.bits() & touching, &bounds);
+            self.draw_block::<F, FACE, TRIANGLE>(start, which, &bounds);
         }
     }
 
@@ -143,14 +140,9 @@ impl Raster {
         mut todo: u32,
         bounds: &PixelBounds<F>,
     ) {
-        let whole = |x: F, most: u32| {
-            let mut array = [0.0; LANES];
-            x.max(F::splat(-1.0)).min(F::splat(most as f32)).store(&mut array);
-            array
-        };
-        let (n, height) = (self.resolution, rows(FACE, self.resolution));
-        let (x0, x1) = (whole(bounds.x[0].ceil(), n), whole(bounds.x[1].floor() + F::splat(1.0), n));
-        let (y0, y1) = (whole(bounds.y[0].ceil(), height), whole(bounds.y[1].floor() + F::splat(1.0), height));
+        let (n, height) = (self.resolution as f32, rows(FACE, self.resolution) as f32);
+        let (x0, x1) = (clamped(bounds.x[0].ceil(), n), clamped(bounds.x[1].floor() + F::splat(1.0), n));
+        let (y0, y1) = (clamped(bounds.y[0].ceil(), height), clamped(bounds.y[1].floor() + F::splat(1.0), height));
         while todo != 0 {
             let i = todo.trailing_zeros() as usize;
             todo &= todo - 1;
@@ -187,6 +179,14 @@ impl Raster {
         let v = (2 * y + 1) as f32 * (1.0 / self.resolution as f32);
         if face == 0 { v - 1.0 } else { v }
     }
+}
+
+/// Whole numbers from 0 to `most`.
+#[inline(always)]
+fn clamped<F: F32x8>(x: F, most: f32) -> [f32; LANES] {
+    let mut array = [0.0; LANES];
+    x.max(F::splat(0.0)).min(F::splat(most)).store(&mut array);
+    array
 }
 
 /// [`Raster::draw_lanes`] as a task for whatever lanes there are.

@@ -6,7 +6,7 @@
 use super::cloud::{FLAG_CULL_BACK, Splat, SurfelCloud, SurfelShape};
 use crate::accel::{ClusterNode, cluster};
 use crate::hemicube::frame::Receiver;
-use crate::lanes::{self, F32x8, LANES, LaneTask, Mask8, dot, vector};
+use crate::lanes::{self, F32x8, LANES, LaneTask, Mask8, dot, sub, vector};
 use glam::Vec3;
 use std::f32::consts::PI;
 
@@ -18,6 +18,9 @@ const CLUSTER_RADIUS: f32 = 0.75;
 const NORMAL_SPREAD: f32 = 2.0;
 /// Normals that differ more than this from their cluster's mean (length of the difference) are not drawn as one disc.
 const MAX_NORMAL_DEVIATION: f32 = 0.5;
+
+/// Room made for a cut in advance.
+const USUAL_CUT: usize = 512;
 
 /// A node: bounds for the cut's decisions.
 #[derive(Debug, Clone, Copy, Default)]
@@ -210,14 +213,14 @@ impl LaneTask for Cutting<'_> {
     #[inline(always)]
     fn run<F: F32x8>(self) -> Self::Output {
         let groups = EightGroups::<F>::new(self.groups, self.settings);
-        let mut cuts: [Vec<u32>; LANES] = Default::default();
+        let mut cuts: [Vec<u32>; LANES] = std::array::from_fn(|_| Vec::with_capacity(USUAL_CUT));
         // Nodes to look at, and for which of the groups.
         let mut stack = vec![(0, (1u32 << self.groups.len().min(LANES)) - 1)];
         while let Some((i, asking)) = stack.pop() {
             let node = &self.tree.nodes[i as usize];
             let seeing = asking & !groups.cannot_see(node);
             let drawing = if node.child == 0 { seeing } else { seeing & groups.may_draw(node) };
-            for_each_bit(drawing, |lane| cuts[lane].push(node.drawable));
+            push(&mut cuts, drawing, node.drawable);
             if seeing != drawing {
                 // The first child is taken first, so that a cut keeps the tree's order.
                 stack.push((node.child + 1, seeing & !drawing));
@@ -228,10 +231,11 @@ impl LaneTask for Cutting<'_> {
     }
 }
 
+/// Appends a drawable to the cuts whose bit is set.
 #[inline(always)]
-fn for_each_bit(mut bits: u32, mut f: impl FnMut(usize)) {
+fn push(cuts: &mut [Vec<u32>; LANES], mut bits: u32, drawable: u32) {
     while bits != 0 {
-        f(bits.trailing_zeros() as usize % LANES);
+        cuts[bits.trailing_zeros() as usize % LANES].push(drawable);
         bits &= bits - 1;
     }
 }
@@ -251,16 +255,21 @@ struct EightGroups<F> {
 impl<F: F32x8> EightGroups<F> {
     #[inline(always)]
     fn new(groups: &[ReceiverBounds], settings: &CutSettings) -> Self {
-        let lanes = |f: &dyn Fn(&ReceiverBounds) -> f32| {
-            F::load(&std::array::from_fn(|i| groups.get(i).map_or(0.0, f)))
-        };
-        let inside = groups.iter().take(LANES).enumerate().map(|(i, group)| u32::from(group.inside) << i);
+        // Lanes without a group are never asked for.
+        let mut lanes = [[0.0; LANES]; 8];
+        let mut inside = 0;
+        for (i, group) in groups.iter().take(LANES).enumerate() {
+            let (c, n) = (group.centre, group.normal);
+            let values = [c.x, c.y, c.z, n.x, n.y, n.z, group.radius, group.deviation];
+            lanes.iter_mut().zip(values).for_each(|(lane, value)| lane[i] = value);
+            inside |= u32::from(group.inside) << i;
+        }
         Self {
-            centre: std::array::from_fn(|k| lanes(&|group| group.centre[k])),
-            radius: lanes(&|group| group.radius),
-            normal: std::array::from_fn(|k| lanes(&|group| group.normal[k])),
-            deviation: lanes(&|group| group.deviation),
-            inside: inside.sum(),
+            centre: [F::load(&lanes[0]), F::load(&lanes[1]), F::load(&lanes[2])],
+            normal: [F::load(&lanes[3]), F::load(&lanes[4]), F::load(&lanes[5])],
+            radius: F::load(&lanes[6]),
+            deviation: F::load(&lanes[7]),
+            inside,
             // A cluster of radius r at distance d spans 2 r / d of a face that is 2 wide and `resolution` pixels across.
             limit: F::splat(settings.lod / settings.resolution as f32),
         }
@@ -297,7 +306,6 @@ impl<F: F32x8> EightGroups<F> {
 
     #[inline(always)]
     fn to(&self, node: &Node) -> [F; 3] {
-        let centre: [F; 3] = vector(node.centre);
-        std::array::from_fn(|k| centre[k] - self.centre[k])
+        sub(vector(node.centre), self.centre)
     }
 }

@@ -13,18 +13,18 @@ use surflux::gather::order::{compact_order, in_batches};
 use surflux::gather::stage::gather_all;
 use surflux::hemicube::frame::Receiver;
 use surflux::math::hash32;
-use surflux::render::estimates;
 use surflux::run::Run;
 use surflux::scene::{Camera, Scene, load};
 use surflux::settings::Settings;
-use surflux::shading::points::{CameraSample, View};
+use surflux::shading::indirect::convolve;
+use surflux::shading::points::View;
 use surflux::surfel::tree::CutSettings;
 use surflux::world::World;
 
 /// Edge of the picture, pixels.
 const PICTURE: u32 = 500;
 /// Points that are ordered together, as `render` does.
-const CHUNK: usize = 1 << 15;
+const CHUNK: usize = 1 << 16;
 /// Passes over the picture; the fastest counts, because other work on the machine only ever slows one down.
 const REPEATS: usize = 3;
 
@@ -56,14 +56,12 @@ fn shading_points(world: &World) -> Result<Vec<Receiver>> {
     let (from, at) = (DVec3::new(278.0, 273.0, -800.0), DVec3::new(278.0, 273.0, 0.0));
     let camera = Camera::look_at(from, at, DVec3::Y, 39.3077)?;
     let view = View::new(&world.scene, &camera, PICTURE, PICTURE, 1, 0);
-    let samples = view.trace(&world.accel, 0, view.sample_count() as usize);
-    let receiver = |sample: &CameraSample| match sample {
-        CameraSample::Surface(p) if !p.black => {
-            Some(world.receiver(p.position, p.shading_normal, p.gather_seed(0)))
-        }
-        _ => None,
+    let receiver = |pixel: u32| {
+        let point = view.trace_middle(&world.accel, pixel % PICTURE, pixel / PICTURE)?;
+        let receiver = world.receiver(point.position, point.shading_normal, point.gather_seed(0));
+        (!point.black).then_some(receiver)
     };
-    Ok(samples.iter().filter_map(receiver).collect())
+    Ok((0..PICTURE * PICTURE).filter_map(receiver).collect())
 }
 
 fn picture(receivers: &[Receiver]) -> Vec<u32> {
@@ -115,7 +113,7 @@ fn pass(world: &World, settings: &Settings, receivers: &[Receiver], order: Order
         pass.nodes += groups.map(|g| g.receivers as usize * g.drawables as usize).sum::<usize>();
         let start = Instant::now();
         gather_all(gatherer.as_mut(), ordered.batches, &Run::default(), |gathered| {
-            std::hint::black_box(estimates(gathered, &convolver));
+            std::hint::black_box(convolve(gathered, &convolver));
             Ok(())
         })?;
         pass.gathering += start.elapsed();

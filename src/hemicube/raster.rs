@@ -184,9 +184,7 @@ impl Raster {
 /// Whole numbers from 0 to `most`.
 #[inline(always)]
 fn clamped<F: F32x8>(x: F, most: f32) -> [f32; LANES] {
-    let mut array = [0.0; LANES];
-    x.max(F::splat(0.0)).min(F::splat(most)).store(&mut array);
-    array
+    x.max(F::splat(0.0)).min(F::splat(most)).to_array()
 }
 
 /// [`Raster::draw_lanes`] as a task for whatever lanes there are.

@@ -184,7 +184,7 @@ impl World {
             let rows = form_factors(&self.accel, &lookup, rays, &receivers)?;
             return Ok(Transfer::from_rows(sides, rows));
         }
-        let mut gatherer = self.gatherer(settings)?;
+        let mut gatherer = self.id_gatherer(settings)?;
         let ordered = self.order(&receivers, settings, gatherer.batch_size());
         Transfer::gather(sides, ordered, &self.drawables, &self.weights, gatherer.as_mut(), run)
     }
@@ -227,7 +227,23 @@ impl World {
     /// # Errors
     /// When the device is not there or fails.
     pub fn gatherer(&self, settings: &Settings) -> Result<Box<dyn Gatherer + '_>> {
-        let surfels = Surfels { drawables: &self.drawables, lookup: self.lookup.as_ref() };
+        self.create_gatherer(Some(self.convolver()), settings)
+    }
+
+    /// A gatherer that hands back surfel ids, where the method has any.
+    ///
+    /// # Errors
+    /// As [`World::gatherer`].
+    pub fn id_gatherer(&self, settings: &Settings) -> Result<Box<dyn Gatherer + '_>> {
+        self.create_gatherer(None, settings)
+    }
+
+    fn create_gatherer<'a>(
+        &'a self,
+        convolver: Option<Convolver<'a>>,
+        settings: &Settings,
+    ) -> Result<Box<dyn Gatherer + 'a>> {
+        let surfels = Surfels { drawables: &self.drawables, lookup: self.lookup.as_ref(), convolver };
         create(self.device.device, &self.accel, &self.lights, surfels, settings)
     }
 }

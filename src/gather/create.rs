@@ -9,6 +9,7 @@ use super::vulkan::{BatchSize, VulkanGatherer, VulkanSettings};
 use crate::accel::Accel;
 use crate::direct::Lights;
 use crate::error::{Error, Result};
+use crate::hemicube::convolve::Convolver;
 use crate::settings::{GatherMethod, Settings};
 use crate::surfel::drawable::Drawables;
 use crate::surfel::lookup::RadianceLookup;
@@ -36,6 +37,8 @@ pub struct Surfels<'a> {
     pub drawables: &'a Drawables,
     /// To be looked up where a ray meets a surface.
     pub lookup: Option<&'a RadianceLookup>,
+    /// For gatherers that convolve their own hemicubes; without it, they hand back surfel ids.
+    pub convolver: Option<Convolver<'a>>,
 }
 
 /// Makes the gatherer.
@@ -49,7 +52,7 @@ pub fn create<'a>(
     surfels: Surfels<'a>,
     settings: &Settings,
 ) -> Result<Box<dyn Gatherer + 'a>> {
-    let Surfels { drawables, lookup } = surfels;
+    let Surfels { drawables, lookup, convolver } = surfels;
     let resolution = settings.face_resolution;
     let frames_in_flight = settings.frames_in_flight;
     Ok(match (settings.gather, device) {
@@ -70,7 +73,11 @@ pub fn create<'a>(
                 BatchSize::Fixed(n) => n,
             };
             let cpu = CpuSettings { resolution, batch, frames_in_flight };
-            Box::new(CpuGatherer::new(drawables.splats.clone(), drawables.shape, cpu)?)
+            let gatherer = CpuGatherer::new(drawables.splats.as_slice(), drawables.shape, cpu)?;
+            Box::new(match convolver {
+                Some(convolver) => gatherer.convolving(convolver),
+                None => gatherer,
+            })
         }
         (GatherMethod::Hemicube, Chosen::Vulkan(index)) => {
             let vulkan = VulkanSettings {

@@ -142,7 +142,8 @@ impl Raster {
     ) {
         let (n, height) = (self.resolution as f32, rows(FACE, self.resolution) as f32);
         let (x0, x1) = (clamped(bounds.x[0].ceil(), n), clamped(bounds.x[1].floor() + F::splat(1.0), n));
-        let (y0, y1) = (clamped(bounds.y[0].ceil(), height), clamped(bounds.y[1].floor() + F::splat(1.0), height));
+        let (y0, y1) =
+            (clamped(bounds.y[0].ceil(), height), clamped(bounds.y[1].floor() + F::splat(1.0), height));
         while todo != 0 {
             let i = todo.trailing_zeros() as usize;
             todo &= todo - 1;

@@ -6,7 +6,7 @@ use glam::Vec3;
 
 /// Shortest and longest reach of a record, pixels.
 const SHORTEST: f32 = 2.5;
-const LONGEST: f32 = 40.0;
+const LONGEST: f32 = 24.0;
 
 /// A gather at a visible point.
 #[derive(Debug, Clone, Copy)]

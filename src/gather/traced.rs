@@ -11,6 +11,7 @@ use crate::hemicube::frame::Receiver;
 use crate::interrupt;
 use crate::math::{cosine_hemisphere, hash32};
 use crate::surfel::lookup::{RadianceLookup, SideLookup};
+use crate::surfel::transfer::Row;
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -102,7 +103,7 @@ pub fn form_factors(
     lookup: &SideLookup,
     settings: TracedSettings,
     receivers: &[Receiver],
-) -> Result<Vec<(Vec<(u32, f32)>, f32)>> {
+) -> Result<Vec<Row>> {
     let rays = RaySets::new(settings);
     let row = |receiver: &Receiver| {
         interrupt::check()?;

@@ -207,7 +207,7 @@ fn group(view: &View, samples: &mut [ShadingPoint], groups: &mut Vec<Range<usize
         let leader = samples[first];
         let footprint = view.footprint(leader.position);
         let mut end = first + 1;
-        for i in end..samples.len() {
+        for i in first + 1..samples.len() {
             if same_surface(&leader, &samples[i], footprint) {
                 samples.swap(i, end);
                 end += 1;

@@ -83,12 +83,15 @@ impl<'a> Lit<'a> {
     fn visibility(&self, hood: &Hood, light: LightAlone) -> Shadowed {
         let mut answers = Answers::probe(self, hood, light);
         let mixed = answers.disagreements(self, hood, light);
-        let (wide, mut alone) = mixed.split(light);
-        let refined = wide.len() + alone.len();
+        let (wide, edges) = mixed.split(light);
+        let refined = wide.len() + edges.len();
         let steep = shared::average(self, hood, light, &mut answers, &wide);
-        alone.extend(steep.iter().map(|steep| steep.point));
+        let alone: Vec<u32> = edges.iter().copied().chain(steep.iter().map(|steep| steep.point)).collect();
         own::average(self, light, &mut answers, &alone);
         own::smooth(self, hood, &mut answers, &steep);
+        if !light.is_point() {
+            own::settle(self, hood, &mut answers, &edges);
+        }
         let irradiance =
             answers.unshadowed.par_iter().zip(&answers.visible).with_min_len(4096).map(|(e, v)| e * v);
         Shadowed { irradiance: irradiance.collect(), refined }

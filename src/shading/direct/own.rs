@@ -4,7 +4,7 @@ use super::super::points::ShadingPoint;
 use super::super::visible::same_surface;
 use super::hood::{Hood, Neighbour};
 use super::probe::Answers;
-use super::shared::{Steep, steepest};
+use super::shared::{Fit, Steep, across, steepest};
 use super::{Lit, PORTION, lit_point};
 use crate::direct::sequence::Sequence;
 use crate::direct::{LightAlone, LightSeen, Visibility};
@@ -47,6 +47,30 @@ pub fn smooth(lit: &Lit, hood: &Hood, answers: &mut Answers, steep: &[Steep]) {
         })
         .collect();
     steep.iter().zip(smoothed).for_each(|(s, visible)| answers.visible[s.point as usize] = visible);
+}
+
+/// Where a point at an edge found about what its neighbours on the same surface lead to expect, their fit replaces it: it is
+/// freer of noise, while a contact's shadow, which neighbours know nothing of, stays.
+pub fn settle(lit: &Lit, hood: &Hood, answers: &mut Answers, edges: &[u32]) {
+    let steepest = steepest(lit.settings.light_samples);
+    let settled: Vec<f32> = edges
+        .par_iter()
+        .with_min_len(PORTION)
+        .map(|&i| {
+            let (i, own) = (i as usize, answers.visible[i as usize]);
+            let mut fit = Fit::default();
+            let known =
+                |n: &Neighbour| n.point == i || (hood.fills_pixel(n.point) && answers.has_light(n.point));
+            for n in hood.neighbours(lit.view, i).filter(known) {
+                fit.add(&n, Visibility { all: 1.0, arrived: answers.visible[n.point] });
+            }
+            let agrees = |(visible, gradient): &(f32, Vec2)| {
+                across(*gradient) <= steepest && (visible - own).abs() <= 0.5 * steepest
+            };
+            fit.solve().filter(agrees).map_or(own, |(visible, _)| visible)
+        })
+        .collect();
+    edges.iter().zip(settled).for_each(|(&i, visible)| answers.visible[i as usize] = visible);
 }
 
 fn visibility(lit: &Lit, light: LightAlone, point: &ShadingPoint) -> f32 {

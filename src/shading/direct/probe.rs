@@ -116,7 +116,7 @@ impl Answers {
         !settled(found)
     }
 
-    /// Whether all or nothing was seen from a point, as far as its first rays tell.
+    /// Whether a point could get light, were nothing in the way.
     pub fn has_light(&self, point: usize) -> bool {
         self.found[point] != 0
     }

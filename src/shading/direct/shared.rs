@@ -1,6 +1,6 @@
 //! Wide penumbras: a few rays a pixel, averaged over neighbours by a linear fit.
 
-use super::hood::{Hood, REACH};
+use super::hood::{Hood, Neighbour, REACH};
 use super::interleaved::Interleaved;
 use super::probe::Answers;
 use super::{Lit, PORTION, lit_point};
@@ -12,9 +12,9 @@ use rayon::prelude::*;
 const PART: u32 = 4;
 
 /// What a linear fit misses of a penumbra that is as wide as the neighbourhood, relative to the change of visibility: about
-/// a tenth. Own rays miss about 0.32 / n^(3/4), the standard deviation of n stratified samples of an edge. Where both are
+/// a fifth at the worst. Own rays miss about 0.32 / n^(3/4), the standard deviation of n stratified samples of an edge. Where both are
 /// equal, so is the change across the neighbourhood to this over n^(3/4).
-const STEEP: f32 = 2.5;
+const STEEP: f32 = 1.7;
 
 /// A point at which visibility changes too quickly for a fit.
 #[derive(Debug, Clone, Copy)]
@@ -28,6 +28,11 @@ pub struct Steep {
 /// The change across a neighbourhood above which [`Steep`] begins.
 pub fn steepest(light_samples: u32) -> f32 {
     STEEP / (light_samples as f32).powf(0.75)
+}
+
+/// Change of visibility across a neighbourhood.
+pub fn across(gradient: Vec2) -> f32 {
+    2.0 * REACH as f32 * gradient.length()
 }
 
 /// Finds the visibility at points that have their pixels to themselves; returns those where it changes too quickly.
@@ -53,7 +58,7 @@ pub fn average(
                     u32::MAX => Visibility { all: 1.0, arrived: answers.visible[n.point] },
                     k => tallies[k as usize],
                 };
-                fit.add(n.dx, n.dy, n.weight(), tally);
+                fit.add(&n, tally);
             }
             fit.solve()
         })
@@ -61,7 +66,7 @@ pub fn average(
     let mut left = Vec::new();
     for (&i, fit) in points.iter().zip(fits) {
         let (visible, gradient) = fit.unwrap_or((0.0, Vec2::INFINITY));
-        if 2.0 * REACH as f32 * gradient.length() <= steepest {
+        if across(gradient) <= steepest {
             answers.visible[i as usize] = visible;
         } else {
             left.push(Steep { point: i, gradient });
@@ -88,7 +93,7 @@ fn trace(lit: &Lit, hood: &Hood, light: LightAlone, points: &[u32]) -> Vec<Visib
 
 /// Weighted least squares for visibility as a linear function of the place in the picture.
 #[derive(Debug, Default)]
-struct Fit {
+pub struct Fit {
     /// Sums of weights times products of (1, x, y).
     products: [f32; 6],
     /// The same times visibility.
@@ -96,7 +101,9 @@ struct Fit {
 }
 
 impl Fit {
-    fn add(&mut self, x: f32, y: f32, weight: f32, tally: Visibility) {
+    /// Takes what is known of a neighbour.
+    pub fn add(&mut self, n: &Neighbour, tally: Visibility) {
+        let (x, y, weight) = (n.dx, n.dy, n.weight());
         let all = weight * tally.all;
         for (sum, product) in self.products.iter_mut().zip([1.0, x, y, x * x, x * y, y * y]) {
             *sum += all * product;
@@ -105,7 +112,7 @@ impl Fit {
     }
 
     /// Visibility in the middle, 0..=1, and its change a pixel; `None` where points are too few.
-    fn solve(&self) -> Option<(f32, Vec2)> {
+    pub fn solve(&self) -> Option<(f32, Vec2)> {
         let [n, x, y, xx, xy, yy] = self.products;
         if n <= 0.0 {
             return None;

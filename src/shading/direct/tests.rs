@@ -45,7 +45,7 @@ impl Picture {
         };
         let world =
             World::prepare(scene, None, &settings, &Run::new(Reporter::new(true, false))).expect("prepared");
-        let camera = Camera::look_at(DVec3::new(0.5, -3.0, 2.0), DVec3::new(0.5, 0.0, 0.0), DVec3::Z, 60.0);
+        let camera = Camera::look_at(DVec3::new(0.5, -3.0, 2.0), DVec3::new(0.5, 0.0, 0.0), DVec3::Z, 40.0);
         let view = View::new(&world.scene, &camera.expect("a view"), SIZE, SIZE, samples, 0);
         Self { world, view, settings }
     }
@@ -74,7 +74,7 @@ impl Picture {
 }
 
 fn lamp() -> Shape {
-    square(DVec3::new(0.0, 0.0, 4.0), 0.5, -1.0, LAMP)
+    square(DVec3::new(0.0, 0.0, 4.0), 0.15, -1.0, LAMP)
 }
 
 fn blind() -> Shape {
@@ -114,15 +114,17 @@ fn penumbras_agree_with_many_rays_at_every_point() {
     let rms = (errors.iter().map(|e| e * e).sum::<f32>() / refined as f32).sqrt() / brightest;
     let worst = errors.iter().fold(0.0, |worst: f32, e| worst.max(e.abs())) / brightest;
     let bias = errors.iter().sum::<f32>() / refined as f32 / brightest;
-    assert!(rms < 0.01 && worst < 0.06 && bias.abs() < 1e-3, "rms {rms}, worst {worst}, bias {bias}");
+    assert!(rms < 0.015 && worst < 0.1 && bias.abs() < 3e-3, "rms {rms}, worst {worst}, bias {bias}");
 }
 
 #[test]
 fn hard_shadows_are_anti_aliased() {
     let picture = Picture::new(vec![blind()], vec![bulb()], 64);
     let visible = picture.visible();
-    let open = Picture::new(Vec::new(), vec![bulb()], 64);
-    let (light, unshadowed) = (picture.light(&visible), open.exact(&visible, 1));
+    let light = picture.light(&visible);
+    let bulb = picture.world.lights.one_by_one(&picture.world.accel).expect("one light").next().expect("it");
+    let receivers: Vec<LitPoint> = visible.points.iter().map(lit_point).collect();
+    let unshadowed: Vec<f32> = bulb.unshadowed(&receivers).iter().map(|e| e * bulb.colour().x).collect();
     let (mut edge, mut sum) = (0, 0.0);
     for (i, point) in visible.points.iter().enumerate() {
         let n = 24;

@@ -79,11 +79,11 @@ fn gather_at(gathering: &mut Gathering, visible: &Visible, points: &[u32]) -> Re
 /// The main points of every `grid`-th pixel that no coarser grid held.
 fn grid_points(visible: &Visible, grid: u32, reflects: impl Fn(u32) -> bool) -> Vec<u32> {
     let coarser = 2 * grid;
-    let known = |x: u32, y: u32| grid != GRIDS[0] && x % coarser == 0 && y % coarser == 0;
+    let known = |x: u32, y: u32| grid != GRIDS[0] && x.is_multiple_of(coarser) && y.is_multiple_of(coarser);
     let mut points = Vec::new();
     for row in 0..visible.height() {
         let y = visible.rows.start + row;
-        if y % grid != 0 {
+        if !y.is_multiple_of(grid) {
             continue;
         }
         let columns = (0..visible.width).step_by(grid as usize).filter(|&x| !known(x, y));

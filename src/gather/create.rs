@@ -16,9 +16,9 @@ use crate::surfel::lookup::RadianceLookup;
 
 /// Batches of the software rasteriser: enough groups to keep every thread busy to the end, few enough texels to stay in the
 /// cache where ids are wanted.
-const CPU_BATCH: std::ops::RangeInclusive<usize> = 64..=4096;
+const CPU_BATCH: std::ops::RangeInclusive<usize> = 64..=1024;
 /// Texels of a batch within these bounds.
-const CPU_BATCH_TEXELS: usize = 4096 * 192;
+const CPU_BATCH_TEXELS: usize = 1024 * 192;
 
 /// The device that will gather, and why. Rays run on the CPU, whatever the device.
 ///

@@ -3,10 +3,12 @@
 //! Up to [`EXACT_LIMIT`] emitters, unshadowed irradiance is exact (Lambert's formula for polygons and for the
 //! silhouettes of convex meshes, the closed form of a sphere) and shadow rays only scale it. Beyond that, a bounded number of samples is chosen by a light tree.
 
+mod alone;
 mod chosen;
 mod collect;
 mod contour;
 mod convex;
+mod flux;
 mod light_tree;
 mod local;
 mod many;
@@ -21,13 +23,16 @@ mod silhouette;
 mod solid;
 mod view;
 
+pub use alone::{LightAlone, LightSeen, Visibility};
+
 use crate::accel::{Accel, RAY_OFFSET, offset_origin};
 use crate::math::Rng;
 use crate::scene::Scene;
+use alone::ProbePoint;
 use chosen::SeenLights;
 use collect::{emissive_surfaces, emissive_triangles, emits};
 use convex::ConvexLight;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use local::Local;
 use many::ManyEmitters;
 use polygon::PolygonLight;
@@ -158,6 +163,43 @@ impl Light {
             Self::Punctual(punctual) => punctual.view(local),
         }
         .filter(|view| view.unshadowed.max_element() > 0.0)
+    }
+
+    /// Irradiance with colour 1, shadows apart.
+    fn irradiance(&self, local: &Local) -> f64 {
+        match self {
+            Self::Polygon(polygon) => polygon.irradiance(local),
+            Self::Round(round) => round.irradiance(local),
+            Self::Convex(convex) => convex.irradiance(local),
+            Self::Punctual(punctual) => punctual.irradiance(local),
+        }
+    }
+
+    fn colour(&self) -> Vec3 {
+        match self {
+            Self::Polygon(polygon) => polygon.radiance,
+            Self::Round(round) => round.radiance,
+            Self::Convex(convex) => convex.radiance,
+            Self::Punctual(punctual) => punctual.strength,
+        }
+    }
+
+    /// A point of the light that may be seen from `receiver`; where one is turned away, a ray to it meets the light before.
+    fn probe(&self, receiver: Vec3, u: Vec2) -> ProbePoint {
+        match self {
+            Self::Polygon(polygon) => polygon.probe(receiver, u),
+            Self::Round(round) => round.probe(receiver, u),
+            Self::Convex(convex) => convex.probe(u),
+            Self::Punctual(punctual) => punctual.probe(u),
+        }
+    }
+
+    /// Whether nothing stands before a point of the light; `normal` is that of its emitting side, zero without a surface.
+    fn reached(&self, query: &Query, point: Vec3, normal: Vec3, direction: Vec3) -> bool {
+        match self {
+            Self::Convex(convex) => convex.reached(query, point, direction),
+            _ => query.point.sees(query.accel, point, normal, direction),
+        }
     }
 }
 

@@ -90,7 +90,8 @@ fn resample<T: Send>(
     let of_chart = |chart| {
         let mut guess = 0;
         let (surfels, value) = (&surfels, &value);
-        spots(scene, &charts, chart).map(move |spot| value(surfels, &spot, &mut guess))
+        let spacing = shares[charts.primitive(chart).0 as usize].sqrt();
+        spots(scene, &charts, chart, spacing).map(move |spot| value(surfels, &spot, &mut guess))
     };
     let samples = (0..charts.as_slice().len()).into_par_iter().flat_map_iter(of_chart).collect();
     (charts, samples)
@@ -109,13 +110,18 @@ fn shares(scene: &Scene, cloud: &SurfelCloud) -> Vec<f32> {
 }
 
 /// The samples of a chart, the front's before the back's.
-fn spots<'a>(scene: &'a Scene, charts: &'a Charts, index: usize) -> impl Iterator<Item = Spot> + 'a {
+fn spots<'a>(
+    scene: &'a Scene,
+    charts: &'a Charts,
+    index: usize,
+    spacing: f32,
+) -> impl Iterator<Item = Spot> + 'a {
     let chart = &charts.as_slice()[index];
     let material = scene.primitive_material(charts.primitive(index).0);
     let sides: &[f32] = if chart.two_sided { &[1.0, -1.0] } else { &[1.0] };
     sides.iter().flat_map(|&side| (0..chart.samples()).map(move |i| (side, i))).map(move |(side, i)| {
         let (position, normal) = charts.sample(scene, index, i);
-        Spot { position, normal: normal * side, material }
+        Spot { position, normal: normal * side, material, spacing }
     })
 }
 

@@ -11,7 +11,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 /// Reach of the fit, in spacings of the surfels.
-const REACH: f32 = 2.0;
+const REACH: f32 = 1.6;
 
 /// Cosine of the largest angle between the normals of surfels that are fitted together: 45 degrees.
 const SMOOTH: f32 = 0.7;
@@ -42,6 +42,8 @@ pub struct Spot {
     pub normal: Vec3,
     /// Material index.
     pub material: u32,
+    /// Distance between the surfels around, scene units.
+    pub spacing: f32,
 }
 
 impl<'a> Reconstruction<'a> {
@@ -75,6 +77,9 @@ impl<'a> Reconstruction<'a> {
     /// Radiance that a side of the surface sends, W sr-1 m-2; black only if the cloud is empty, or black itself. `guess`
     /// holds the place of a surfel that may be near, and is given that of the nearest.
     pub fn radiance(&self, spot: &Spot, guess: &mut usize) -> Vec3 {
+        if let Some(fit) = self.fit(spot, REACH * spot.spacing, SHEETS * spot.spacing) {
+            return fit;
+        }
         let Some(nearest) = self.nearest(spot, guess) else { return Vec3::ZERO };
         let spacing = self.cloud.area[nearest].sqrt();
         let reach = REACH * spacing.max(self.cloud.position[nearest].distance(spot.position));

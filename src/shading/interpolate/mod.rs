@@ -44,13 +44,16 @@ pub fn interpolate(
         let candidates = grid_points(visible, grid, |i| gathering.reflects(&visible.points[i as usize]));
         let wanted: Vec<u32> = clock.time(Stage::Interpolate, || {
             let fits = field.fit(&candidates);
-            candidates.into_iter().zip(fits).filter(|(_, fit)| !fit.reached).map(|(i, _)| i).collect()
+            candidates.into_iter().zip(fits).filter(|(_, fit)| fit.distance > 1.0).map(|(i, _)| i).collect()
         });
         let estimates = gather_at(gathering, visible, &wanted)?;
         clock.time(Stage::Interpolate, || field.add(wanted.into_iter().zip(estimates)));
     }
     finish(gathering, visible, &field, &lit)
 }
+
+/// What is further than so many reaches from all records is gathered after all.
+const FARTHEST: f32 = 2.0;
 
 /// The fit everywhere, and gathers where no record is near.
 fn finish(gathering: &mut Gathering, visible: &Visible, field: &Field, lit: &[u32]) -> Result<Vec<Vec3>> {
@@ -59,8 +62,8 @@ fn finish(gathering: &mut Gathering, visible: &Visible, field: &Field, lit: &[u3
     let mut missing = Vec::new();
     for (&i, fit) in lit.iter().zip(fits) {
         match fit.irradiance {
-            Some(e) => irradiance[i as usize] = e,
-            None => missing.push(i),
+            Some(e) if fit.distance < FARTHEST => irradiance[i as usize] = e,
+            _ => missing.push(i),
         }
     }
     let estimates = gather_at(gathering, visible, &missing)?;

@@ -19,7 +19,8 @@ pub struct Record {
     pub irradiance: Vec3,
     /// No other gather is needed up to this distance, scene units.
     pub reach: f32,
-    /// Least reach, scene units.
+    /// Least reach that is worth while, scene units: nearer gathers would only repeat this one, unless light changes from
+    /// pixel to pixel.
     pub shortest: f32,
 }
 

@@ -15,6 +15,8 @@ use std::ops::Range;
 const TILE: u32 = 16;
 /// Where the prediction of a record from its neighbours was wrong, records reach this much less far.
 const SHRINK: f32 = 0.5;
+/// Corrected records reach at least this share of what is worth while: not to the next pixel.
+const LEAST: f32 = 0.2;
 /// One wrong prediction may be an outlier of the noise; so many are a feature.
 const ENOUGH: usize = 2;
 /// Errors of predictions above so many times their median are more than the gathers' noise.
@@ -112,7 +114,8 @@ impl<'v> Field<'v> {
             .par_iter()
             .map(|record| {
                 let bound = |other: &Record| other.reach + other.position.distance(record.position);
-                self.around(record).map(bound).fold(record.reach, f32::min)
+                let least = record.reach.min(record.shortest);
+                self.around(record).map(bound).fold(record.reach, f32::min).max(least)
             })
             .collect()
     }
@@ -127,7 +130,7 @@ impl<'v> Field<'v> {
             };
             let around = self.tile_at(record).map_or(&[][..], |tile| self.tiles.get(tile));
             let count = around.iter().filter(|&&r| near(r)).take(ENOUGH).count();
-            if count == ENOUGH { record.reach * SHRINK } else { record.reach }
+            if count == ENOUGH { record.reach * SHRINK } else { record.reach }.max(record.shortest * LEAST)
         };
         self.records.par_iter().map(shorter).collect()
     }
@@ -149,7 +152,7 @@ impl<'v> Field<'v> {
     }
 
     fn set_reaches(&mut self, reaches: &[f32]) {
-        self.records.iter_mut().zip(reaches).for_each(|(r, &reach)| r.reach = reach.max(r.shortest));
+        self.records.iter_mut().zip(reaches).for_each(|(r, &reach)| r.reach = reach);
         self.sort_into_tiles();
     }
 

@@ -226,8 +226,11 @@ pub mod avx2 {
     }
 
     /// Does a task, compiled for AVX2 (without FMA: it would round differently).
+    ///
+    /// # Safety
+    /// Only where [`available`] says so.
     #[target_feature(enable = "avx2,bmi1,popcnt")]
-    pub fn run<T: LaneTask>(task: T) -> T::Output {
+    pub(super) fn run<T: LaneTask>(task: T) -> T::Output {
         task.run::<Avx2>()
     }
 

@@ -14,8 +14,11 @@ use crate::settings::{GatherMethod, Settings};
 use crate::surfel::drawable::Drawables;
 use crate::surfel::lookup::RadianceLookup;
 
-/// Batch of the software rasteriser: large enough to share among threads, small enough to stay in the cache.
-const CPU_BATCH: usize = 256;
+/// Batches of the software rasteriser: enough groups to keep every thread busy to the end, few enough texels to stay in the
+/// cache where ids are wanted.
+const CPU_BATCH: std::ops::RangeInclusive<usize> = 64..=1024;
+/// Texels of a batch within these bounds.
+const CPU_BATCH_TEXELS: usize = 1024 * 192;
 
 /// The device that will gather, and why. Rays run on the CPU, whatever the device.
 ///
@@ -69,7 +72,7 @@ pub fn create<'a>(
         }
         (GatherMethod::Hemicube, Chosen::Cpu) => {
             let batch = match settings.batch {
-                BatchSize::Auto => CPU_BATCH,
+                BatchSize::Auto => cpu_batch(resolution),
                 BatchSize::Fixed(n) => n,
             };
             let cpu = CpuSettings { resolution, batch, frames_in_flight };
@@ -90,4 +93,9 @@ pub fn create<'a>(
             Box::new(VulkanGatherer::new(index, &drawables.splats, drawables.shape, vulkan)?)
         }
     })
+}
+
+fn cpu_batch(resolution: u32) -> usize {
+    let texels = 3 * (resolution as usize).pow(2);
+    (CPU_BATCH_TEXELS / texels).clamp(*CPU_BATCH.start(), *CPU_BATCH.end())
 }

@@ -49,9 +49,13 @@ impl Raster {
 
     /// Draws every splat as `receiver` sees it; the nearest wins, the first among equals.
     pub fn draw(&mut self, receiver: &Receiver, splats: &SplatLanes) {
+        self.clear();
+        lanes::run(Drawing { raster: self, receiver, splats });
+    }
+
+    fn clear(&mut self) {
         self.depth.fill([0.0; LANES]);
         self.marks.fill([0; LANES]);
-        lanes::run(Drawing { raster: self, receiver, splats });
     }
 
     /// Marks of the N pixels of row `y` of a face.
@@ -205,5 +209,50 @@ impl LaneTask for Drawing<'_> {
             SurfelShape::Disc => self.raster.draw_lanes::<F, false>(&eye, self.splats),
             SurfelShape::Triangle => self.raster.draw_lanes::<F, true>(&eye, self.splats),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lanes::Portable;
+    use crate::math::{Rng, uniform_sphere};
+    use crate::surfel::cloud::Splat;
+    use crate::surfel::drawable::in_plane_axes;
+    use glam::Vec3;
+
+    #[test]
+    fn all_lanes_draw_alike() {
+        for shape in [SurfelShape::Disc, SurfelShape::Triangle] {
+            let cloud = splats(1200);
+            let mut splats = SplatLanes::default();
+            let all: Vec<u32> = (0..cloud.len() as u32).collect();
+            splats.fill(&cloud, &in_plane_axes(&cloud, shape), &all);
+            for resolution in [4, 8, 10, 32] {
+                let (mut best, mut portable) = (Raster::new(resolution), Raster::new(resolution));
+                for seed in 0..20 {
+                    let normal = Vec3::new(0.3, -0.2, seed as f32 - 9.5).normalize();
+                    let receiver = Receiver { position: Vec3::ZERO, normal, seed, flags: seed % 2 };
+                    best.draw(&receiver, &splats);
+                    portable.clear();
+                    Drawing { raster: &mut portable, receiver: &receiver, splats: &splats }.run::<Portable>();
+                    assert!(best.marks.iter().flatten().any(|&mark| mark != 0), "something is seen");
+                    assert_eq!(best.marks, portable.marks, "N = {resolution}, {shape:?}, receiver {seed}");
+                    assert_eq!(best.depth, portable.depth, "N = {resolution}, {shape:?}, receiver {seed}");
+                }
+            }
+        }
+    }
+
+    /// Splats about the origin.
+    fn splats(count: usize) -> Vec<Splat> {
+        let mut rng = Rng::new(7, 0);
+        let splat = |_| Splat {
+            position: (uniform_sphere(rng.unit2()) * (0.05 + rng.unit())).to_array(),
+            radius: 0.1 * rng.unit(),
+            normal: uniform_sphere(rng.unit2()).to_array(),
+            flags: rng.next_u32() % 4,
+        };
+        (0..count).map(splat).collect()
     }
 }

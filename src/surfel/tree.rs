@@ -309,3 +309,52 @@ impl<F: F32x8> EightGroups<F> {
         sub(vector(node.centre), self.centre)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lanes::Portable;
+    use crate::math::{Rng, uniform_sphere};
+
+    #[test]
+    fn cuts_do_not_depend_on_company_or_processor() {
+        let tree = SurfelTree::new(&sphere(3000));
+        let mut rng = Rng::new(3, 0);
+        let mut group = |_| {
+            let receiver = Receiver {
+                position: uniform_sphere(rng.unit2()) * 0.5,
+                normal: uniform_sphere(rng.unit2()),
+                seed: 0,
+                flags: rng.next_u32() % 2,
+            };
+            ReceiverBounds::new(&[receiver])
+        };
+        let settings = CutSettings { lod: 2.0, resolution: 8 };
+        for count in [1, 3, LANES] {
+            let groups: Vec<_> = (0..count).map(&mut group).collect();
+            let together = tree.cuts(&groups, &settings);
+            let task = Cutting { tree: &tree, groups: &groups, settings: &settings };
+            assert_eq!(task.run::<Portable>(), together, "{count} groups");
+            for (group, cut) in groups.iter().zip(&together) {
+                assert!(!cut.is_empty() && cut.len() < 3000, "{} drawables", cut.len());
+                assert_eq!(tree.cuts(&[*group], &settings)[0], *cut);
+            }
+            assert!(together[count..].iter().all(Vec::is_empty));
+        }
+    }
+
+    /// Surfels that look inwards from the unit sphere.
+    fn sphere(count: usize) -> SurfelCloud {
+        let mut rng = Rng::new(5, 0);
+        let normal: Vec<Vec3> = (0..count).map(|_| uniform_sphere(rng.unit2())).collect();
+        let area = 4.0 * PI / count as f32;
+        SurfelCloud {
+            position: normal.iter().map(|&n| -n).collect(),
+            normal,
+            radius: vec![0.8 * area.sqrt(); count],
+            area: vec![area; count],
+            flags: (0..count as u32).map(|i| i % 4).collect(),
+            ..SurfelCloud::default()
+        }
+    }
+}

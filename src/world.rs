@@ -14,6 +14,7 @@ use crate::hemicube::weights::Weights;
 use crate::math::hash32;
 use crate::run::Run;
 use crate::scene::Scene;
+use crate::scene::topology::Edges;
 use crate::settings::{BOUNCE_TOLERANCE, Bounces, Emitters, GatherMethod, Settings, SurfelDensity};
 use crate::stats::{DeviceInfo, Stage};
 use crate::surfel::closed::ClosedTest;
@@ -55,8 +56,9 @@ impl World {
     /// When surfels cannot be generated as asked, or the device fails.
     pub fn prepare(scene: Scene, cloud: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<Self> {
         let scene = Arc::new(scene);
-        let (accel, lights) =
-            run.clock.time(Stage::Load, || (Accel::new(Arc::clone(&scene)), Lights::new(&scene)));
+        let (accel, lights) = run
+            .clock
+            .time(Stage::Load, || rayon::join(|| Accel::new(Arc::clone(&scene)), || Lights::new(&scene)));
         let mut world = Self {
             scene,
             accel,
@@ -71,8 +73,10 @@ impl World {
         run.reporter.info(&format!("device: {} ({})", world.device.name, world.device.reason));
         run.reporter.verbose(|| format!("features: {}", world.scene.features().join(", ")));
         if settings.gather == GatherMethod::Hemicube {
-            world.closed = run.clock.time(Stage::Surfels, || ClosedTest::new(&world.scene, &world.accel));
-            world.cloud = run.clock.time(Stage::Surfels, || world.surfels(cloud, settings))?;
+            let edges = run.clock.time(Stage::Surfels, || Edges::new(&world.scene.triangles));
+            world.closed =
+                run.clock.time(Stage::Surfels, || ClosedTest::new(&world.scene, &edges, &world.accel));
+            world.cloud = run.clock.time(Stage::Surfels, || world.surfels(cloud, &edges, settings, run))?;
             world.tree =
                 run.clock.time(Stage::Tree, || (settings.lod > 0.0).then(|| SurfelTree::new(&world.cloud)));
             world.drawables = Drawables::new(&world.cloud, world.tree.as_ref());
@@ -83,10 +87,19 @@ impl World {
         Ok(world)
     }
 
-    fn surfels(&self, given: Option<SurfelCloud>, settings: &Settings) -> Result<SurfelCloud> {
+    fn surfels(
+        &self,
+        given: Option<SurfelCloud>,
+        edges: &Edges,
+        settings: &Settings,
+        run: &Run,
+    ) -> Result<SurfelCloud> {
         let mut cloud = match given {
             Some(cloud) => cloud,
-            None => generate(&self.scene, &self.closed, &generate_settings(&self.scene, settings))?,
+            None => {
+                let density = generate_settings(&self.scene, settings);
+                generate(&self.scene, edges, &self.closed, &density, &run.reporter)?
+            }
         };
         let shading = ShadeSettings {
             emitters: settings.emitters,

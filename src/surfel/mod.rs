@@ -1,18 +1,19 @@
 //! Surfels: the directly lit surfaces as a cloud of small discs (or the thesis's triangles).
 
+mod centres;
 pub mod closed;
 pub mod cloud;
 pub mod drawable;
 mod element;
-mod eliminate;
 pub mod file;
 pub mod generate;
 mod kdtree;
 mod patch;
 pub mod ply;
+mod polygon;
 mod sample;
 pub mod shade;
 mod share;
-mod topology;
+mod spread;
 pub mod transfer;
 pub mod tree;

@@ -94,12 +94,7 @@ fn parts(scene: &Scene, triangles: &[usize], corners: &[[Vec3; 3]]) -> Vec<Part>
 }
 
 /// An edge of a closed body.
-fn between(
-    scene: &Scene,
-    triangles: &[usize],
-    corners: &[[Vec3; 3]],
-    uses: &[EdgeUse],
-) -> Option<SolidEdge> {
+fn between(scene: &Scene, triangles: &[usize], corners: &[[Vec3; 3]], uses: &[EdgeUse]) -> Option<SolidEdge> {
     let [a, b] = uses else { return None };
     let (left, right) = if a.forward { (a, b) } else { (b, a) };
     let material = |edge: &EdgeUse| scene.triangle_materials[triangles[edge.triangle as usize]];
@@ -121,7 +116,7 @@ fn plane(corners: &[Vec3; 3]) -> Plane {
 fn is_convex(triangles: &[[Vec3; 3]]) -> bool {
     let boxes: Vec<(Vec3, Vec3)> =
         triangles.iter().map(|[a, b, c]| (a.min(*b).min(*c), a.max(*b).max(*c))).collect();
-    let tree = cluster(&boxes);
+    let tree = cluster(boxes.iter().copied());
     let mut bounds = vec![(Vec3::ZERO, Vec3::ZERO); tree.nodes.len()];
     for (i, node) in tree.nodes.iter().enumerate().rev() {
         bounds[i] = match *node {

@@ -6,6 +6,7 @@
 use super::cloud::{FLAG_CULL_BACK, Splat, SurfelCloud, SurfelShape};
 use crate::accel::{ClusterNode, cluster};
 use crate::hemicube::frame::Receiver;
+use bytemuck::Zeroable;
 use glam::Vec3;
 use std::f32::consts::PI;
 
@@ -44,8 +45,6 @@ pub struct SurfelTree {
     nodes: Vec<Node>,
     /// Surface of each drawable.
     area: Vec<f32>,
-    /// What each drawable looks like: surfels first, then clusters.
-    pub splats: Vec<Splat>,
     surfels: usize,
 }
 
@@ -89,19 +88,14 @@ pub struct CutSettings {
 impl SurfelTree {
     /// Builds the hierarchy over a cloud of at least one surfel.
     pub fn new(cloud: &SurfelCloud) -> Self {
-        let boxes: Vec<(Vec3, Vec3)> = (0..cloud.len())
-            .map(|i| {
-                let centre = cloud.position[i] + cloud.normal[i] * NORMAL_SPREAD;
-                (centre - cloud.radius[i], centre + cloud.radius[i])
-            })
-            .collect();
-        let shape = cluster(&boxes).nodes;
-        let mut tree = Self {
-            nodes: vec![Node::default(); shape.len()],
-            area: cloud.area.clone(),
-            splats: cloud.splats(),
-            surfels: cloud.len(),
-        };
+        let boxes = (0..cloud.len()).map(|i| {
+            let centre = cloud.position[i] + cloud.normal[i] * NORMAL_SPREAD;
+            (centre - cloud.radius[i], centre + cloud.radius[i])
+        });
+        let shape = cluster(boxes).nodes;
+        let mut area = Vec::with_capacity(shape.len());
+        area.extend_from_slice(&cloud.area);
+        let mut tree = Self { nodes: vec![Node::default(); shape.len()], area, surfels: cloud.len() };
         // Children stand behind their parents: from the back, every child is ready before its parent.
         for i in (0..shape.len()).rev() {
             tree.nodes[i] = match shape[i] {
@@ -114,7 +108,23 @@ impl SurfelTree {
 
     /// Number of drawables: surfels and clusters.
     pub fn drawables(&self) -> usize {
-        self.splats.len()
+        self.area.len()
+    }
+
+    /// What each drawable looks like: the surfels of the cloud, then clusters.
+    pub fn splats(&self, cloud: &SurfelCloud) -> Vec<Splat> {
+        let mut splats = Vec::with_capacity(self.drawables());
+        splats.extend((0..cloud.len()).map(|i| cloud.splat(i)));
+        splats.resize(self.drawables(), Splat::zeroed());
+        for node in self.nodes.iter().filter(|node| node.child != 0) {
+            splats[node.drawable as usize] = Splat {
+                position: node.centre.to_array(),
+                radius: node.radius,
+                normal: node.normal.to_array(),
+                flags: node.flags,
+            };
+        }
+        splats
     }
 
     /// Appends to the surfels' values those of the clusters: means weighted by area.
@@ -169,7 +179,8 @@ impl SurfelTree {
         let radius = disc_radius(area * agreement, shape);
         let reach = |n: &Node| n.centre.distance(centre) + n.bound;
         let turn = |n: &Node| n.normal.distance(normal) + n.deviation;
-        let node = Node {
+        self.area.push(area);
+        Node {
             centre,
             bound: reach(&a).max(reach(&b)).max(radius),
             normal,
@@ -177,13 +188,9 @@ impl SurfelTree {
             deviation: turn(&a).max(turn(&b)),
             radius,
             child,
-            drawable: self.splats.len() as u32,
+            drawable: self.area.len() as u32 - 1,
             flags: a.flags & b.flags,
-        };
-        let flags = node.flags;
-        self.splats.push(Splat { position: centre.to_array(), radius, normal: normal.to_array(), flags });
-        self.area.push(area);
-        node
+        }
     }
 }
 

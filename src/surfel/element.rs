@@ -259,13 +259,13 @@ pub fn sphere_area(quadric: &Quadric) -> f64 {
     cells(AREA_ROWS, 2 * AREA_ROWS).map(|(z, l)| f64::from(cell_area(&cofactors, z, l))).sum()
 }
 
-/// Cuts a sphere along parallels and meridians into about `samples` cells.
-pub fn sphere(scene: &Scene, sphere: usize, samples: usize) -> Vec<Element> {
+/// Cuts a sphere along parallels and meridians into about `pieces` cells, within each of which area is stretched evenly.
+pub fn sphere(scene: &Scene, sphere: usize, pieces: usize) -> Vec<Element> {
     let quadric = &scene.spheres[sphere];
     let cofactors = cofactors(quadric);
     // Cells of even width and height at the equator: z spans 2, longitude 2 pi.
-    let rows = ((samples as f32 / std::f32::consts::PI).sqrt() as usize).max(SPHERE_ROWS);
-    let columns = (samples / rows).max(2 * SPHERE_ROWS);
+    let rows = ((pieces as f32 / std::f32::consts::PI).sqrt() as usize).max(SPHERE_ROWS);
+    let columns = (pieces / rows).max(2 * SPHERE_ROWS);
     let primitive = (scene.triangles.len() + sphere) as u32;
     cells(rows, columns)
         .map(|(z, longitude)| {

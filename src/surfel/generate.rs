@@ -13,6 +13,7 @@ use super::sample::{Sample, samples};
 use super::share::Measure;
 use super::spread::Surface;
 use crate::error::{Error, Result};
+use crate::heap;
 use crate::interrupt;
 use crate::math::Rng;
 use crate::progress::Reporter;
@@ -32,6 +33,9 @@ const STEPS: usize = 2;
 
 /// Steps before and behind: samples, first centres, shares.
 const STEPS_AROUND: u64 = 3;
+
+/// Pieces that curved surfaces are cut into, at the most.
+const MOST_PIECES: usize = 32_768;
 
 /// Surfels from which on their generation takes so long that progress is shown.
 const SHOWN_FROM: u64 = 200_000;
@@ -88,6 +92,9 @@ pub fn generate(
             cover(scene, patch, count as usize, settings.shape, &mut rng, step_done)
         })
         .collect::<Result<_>>()?;
+    if total >= SHOWN_FROM {
+        heap::give_back();
+    }
     Ok(assemble(scene, closed, settings.shape, &parts))
 }
 
@@ -177,7 +184,7 @@ fn cover(
     rng: &mut Rng,
     step_done: impl Fn() -> Result<()>,
 ) -> Result<Vec<Surfel>> {
-    let elements = patch.elements(scene, count);
+    let elements = patch.elements(scene, count.min(MOST_PIECES));
     let surface = Surface::new(scene, &elements, patch.area);
     let mut samples = samples(scene, &elements, count * SAMPLES, rng);
     step_done()?;
@@ -217,8 +224,9 @@ fn measure(
         owners.par_extend(samples[counted..].par_iter().map(|corner| queries.owner(surface, corner)));
     }
     let places: Vec<Place> = centres.iter().map(|centre| surface.place(centre)).collect();
-    let measure = Measure { surface, samples: &samples, counted, owners: &owners, shape, cut_by_elements };
-    let shares = measure.shares(&places, &queries);
+    let measure = Measure::new(surface, shape, &places, &samples, counted, &owners);
+    drop((samples, owners));
+    let shares = measure.shares(&places, &queries, cut_by_elements);
     (0..centres.len())
         .filter(|&i| shares[i].fraction > 0.0)
         .map(|i| Surfel {

@@ -54,13 +54,13 @@ pub fn patches(scene: &Scene, edges: &Edges, spacing: Option<f32>) -> Vec<Patch>
 }
 
 impl Patch {
-    /// Its parts, each easy to sample. Curved parts are cut into about `samples` pieces.
-    pub fn elements(&self, scene: &Scene, samples: usize) -> Vec<Element> {
+    /// Its parts, each easy to sample. Curved parts are cut into about `pieces`.
+    pub fn elements(&self, scene: &Scene, pieces: usize) -> Vec<Element> {
         match &self.members {
             Members::Triangles(list) => {
                 list.iter().flat_map(|&(t, m)| Element::triangle(scene, t, m)).collect()
             }
-            Members::Sphere(i) => element::sphere(scene, *i, samples),
+            Members::Sphere(i) => element::sphere(scene, *i, pieces),
             Members::Face(i, face) => vec![Element::face(scene, *i, *face)],
         }
     }

@@ -30,43 +30,58 @@ pub struct Share {
     pub radius: f32,
 }
 
-/// Samples of a patch and what they stand for.
+/// What samples tell of the surfels of a patch.
 pub struct Measure<'a> {
-    /// The patch.
-    pub surface: &'a Surface<'a>,
-    /// First the samples that stand for equal parts of the patch, then places that must be covered too.
-    pub samples: &'a [Sample],
-    /// How many are of the first kind.
-    pub counted: usize,
-    /// The surfel that each sample belongs to.
-    pub owners: &'a [u32],
-    /// Shape of the surfels.
-    pub shape: SurfelShape,
-    /// Whether cells shall be cut by the patch's elements, which must be flat; if not, the samples tell where they end.
-    pub cut_by_elements: bool,
+    surface: &'a Surface<'a>,
+    shape: SurfelShape,
+    cells: Vec<Cell>,
+    /// Samples that stand for equal parts of the patch.
+    counted: usize,
+}
+
+impl<'a> Measure<'a> {
+    /// From samples, of which the first `counted` stand for equal parts of the patch and the others are places that must be
+    /// covered too, and the surfel that each belongs to.
+    pub fn new(
+        surface: &'a Surface<'a>,
+        shape: SurfelShape,
+        surfels: &[Place],
+        samples: &[Sample],
+        counted: usize,
+        owners: &[u32],
+    ) -> Self {
+        let mut cells = vec![Cell::default(); surfels.len()];
+        for (i, (sample, &owner)) in samples.iter().zip(owners).enumerate() {
+            let (surfel, cell) = (&surfels[owner as usize], &mut cells[owner as usize]);
+            let offset = flatten(&surfel.frame, sample.position - surfel.position);
+            *cell = cell.including(Some(offset), shape);
+            cell.samples += u32::from(i < counted);
+        }
+        Self { surface, shape, cells, counted }
+    }
 }
 
 impl Measure<'_> {
-    /// Share of each surfel: large enough for its whole cell and no larger.
-    pub fn shares(&self, surfels: &[Place], centres: &Centres) -> Vec<Share> {
-        let cells = self.sampled_cells(surfels);
-        let radii = if self.cut_by_elements {
-            self.radii_by_elements(&cells, surfels, centres)
+    /// Share of each surfel: large enough for its whole cell and no larger. Cells are cut by the patch's elements if these are
+    /// flat and that is asked for; if not, the samples tell where they end.
+    pub fn shares(&self, surfels: &[Place], centres: &Centres, cut_by_elements: bool) -> Vec<Share> {
+        let radii = if cut_by_elements {
+            self.radii_by_elements(surfels, centres)
         } else {
-            self.radii_by_samples(&cells, surfels, centres)
+            self.radii_by_samples(surfels, centres)
         };
         let share = |(cell, radius): (&Cell, f32)| {
             let fraction = cell.samples as f32 / self.counted as f32;
             let least = of_area(fraction * self.surface.area as f32, self.shape);
             Share { fraction, radius: (radius * OVERLAP).max(least) }
         };
-        cells.iter().zip(radii).map(share).collect()
+        self.cells.iter().zip(radii).map(share).collect()
     }
 
     /// Within the patch the cell is known exactly; at its edges, where the plane's Voronoi cell runs on, the samples tell
     /// how far it goes.
-    fn radii_by_samples(&self, cells: &[Cell], surfels: &[Place], centres: &Centres) -> Vec<f32> {
-        (cells, surfels)
+    fn radii_by_samples(&self, surfels: &[Place], centres: &Centres) -> Vec<f32> {
+        (&self.cells, surfels)
             .into_par_iter()
             .enumerate()
             .with_min_len(TASK)
@@ -81,11 +96,11 @@ impl Measure<'_> {
     }
 
     /// Cells are cut by the elements themselves: no gap is left at the patch's edge, and no more overhang than it takes.
-    fn radii_by_elements(&self, cells: &[Cell], surfels: &[Place], centres: &Centres) -> Vec<f32> {
-        let caps: Vec<f32> = cells.iter().map(|cell| cell.furthest + 2.0 * self.margin(cell)).collect();
+    fn radii_by_elements(&self, surfels: &[Place], centres: &Centres) -> Vec<f32> {
+        let caps: Vec<f32> = self.cells.iter().map(|cell| cell.furthest + 2.0 * self.margin(cell)).collect();
         let reach: Vec<f32> = caps.iter().map(|cap| cap * SQRT_2).collect();
         let near = centres.elements_near(self.surface, &reach);
-        (cells, surfels, &caps)
+        (&self.cells, surfels, &caps)
             .into_par_iter()
             .enumerate()
             .with_min_len(TASK)
@@ -110,17 +125,6 @@ impl Measure<'_> {
     /// Size of the surfel that covers a polygon.
     fn widest(&self, polygon: &Polygon) -> f32 {
         polygon.corners().iter().map(|&corner| size(self.shape, corner)).fold(0.0, f32::max)
-    }
-
-    fn sampled_cells(&self, surfels: &[Place]) -> Vec<Cell> {
-        let mut cells = vec![Cell::default(); surfels.len()];
-        for (i, (sample, &owner)) in self.samples.iter().zip(self.owners).enumerate() {
-            let (surfel, cell) = (&surfels[owner as usize], &mut cells[owner as usize]);
-            let offset = flatten(&surfel.frame, sample.position - surfel.position);
-            *cell = cell.including(Some(offset), self.shape);
-            cell.samples += u32::from(i < self.counted);
-        }
-        cells
     }
 }
 

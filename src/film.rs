@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use glam::Vec3;
 use std::fmt;
-use std::ops::{AddAssign, Div};
+use std::ops::{AddAssign, Mul};
 use std::str::FromStr;
 
 /// A quantity that a film can hold beside the picture itself ("arbitrary output variable").
@@ -97,6 +97,11 @@ impl PixelValue {
         Self { normal, depth, ..Self::default() }
     }
 
+    /// The picture: the sum of the direct and indirect parts.
+    pub fn radiance(&self) -> Vec3 {
+        self.direct + self.indirect
+    }
+
     fn layer(&self, aov: Aov) -> Vec3 {
         match aov {
             Aov::Direct => self.direct,
@@ -118,16 +123,16 @@ impl AddAssign for PixelValue {
     }
 }
 
-impl Div<f32> for PixelValue {
+impl Mul<f32> for PixelValue {
     type Output = Self;
 
-    fn div(self, divisor: f32) -> Self {
+    fn mul(self, factor: f32) -> Self {
         Self {
-            direct: self.direct / divisor,
-            indirect: self.indirect / divisor,
-            albedo: self.albedo / divisor,
-            normal: self.normal / divisor,
-            depth: self.depth / divisor,
+            direct: self.direct * factor,
+            indirect: self.indirect * factor,
+            albedo: self.albedo * factor,
+            normal: self.normal * factor,
+            depth: self.depth * factor,
         }
     }
 }
@@ -177,10 +182,8 @@ impl Film {
         &self.layers
     }
 
-    /// Records a pixel: the picture is the sum of its direct and indirect parts, and what is asked for beside it goes to
-    /// the layers.
-    pub fn set(&mut self, pixel: usize, value: PixelValue) {
-        self.pixels[pixel] = value.direct + value.indirect;
+    /// Records in the layers what is asked for beside the picture.
+    pub fn set_layers(&mut self, pixel: usize, value: &PixelValue) {
         for layer in &mut self.layers {
             let n = layer.aov.channels().len();
             let clean = layer.aov.sanitised(value.layer(layer.aov));
@@ -246,8 +249,8 @@ mod tests {
         assert_eq!(film.layers().len(), 2);
         let mut value = PixelValue::black(Vec3::new(0.0, -2.0, f32::NAN), 4.0);
         value += PixelValue { depth: 2.0, indirect: Vec3::X, ..PixelValue::background(Vec3::ONE) };
-        film.set(1, value / 2.0);
-        assert_eq!(film.pixels, [Vec3::ZERO, Vec3::new(1.0, 0.5, 0.5)]);
+        film.set_layers(1, &(value * 0.5));
+        assert_eq!((value * 0.5).radiance(), Vec3::new(1.0, 0.5, 0.5));
         let normal = &film.layers()[0];
         assert_eq!(normal.plane(1).collect::<Vec<_>>(), [0.0, -1.0]);
         assert_eq!(normal.plane(2).collect::<Vec<_>>(), [0.0, 0.0]);

@@ -14,6 +14,7 @@ mod heap;
 pub mod hemicube;
 pub mod image_io;
 pub mod interrupt;
+pub mod lanes;
 pub mod math;
 pub mod measure;
 pub mod output;

@@ -12,10 +12,48 @@ pub enum GatherMethod {
     /// Surfels drawn into hemicubes.
     #[default]
     Hemicube,
+    /// Stratified cosine-weighted rays, each hit looked up among the surfels.
+    Traced,
     /// Stratified cosine-weighted rays, each hit shaded anew: the referee.
     MonteCarlo,
     /// No indirect light.
     None,
+}
+
+/// A named point on the measured frontier of speed and accuracy.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub enum Quality {
+    /// A first look
+    Draft,
+    /// Good enough to judge light by
+    Preview,
+    /// A picture to keep
+    #[default]
+    Final,
+    /// As exact as is sensible
+    Reference,
+}
+
+impl Quality {
+    /// The settings of that quality for a way of gathering. The Monte Carlo referee gathers at every shading point.
+    pub fn settings(self, gather: GatherMethod) -> Settings {
+        let density = SurfelDensity::Count([4_000, 6_000, 14_000, 30_000][self as usize]);
+        let interpolate = [0.04, 0.02, 0.01, 0.005][self as usize];
+        Settings {
+            gather,
+            face_resolution: [8, 8, 8, 16][self as usize],
+            density,
+            lod: [2.0, 2.0, 1.5, 1.0][self as usize],
+            interpolate: (gather != GatherMethod::MonteCarlo).then_some(interpolate),
+            light_samples: [4, 8, 16, 64][self as usize],
+            gather_samples: match gather {
+                GatherMethod::MonteCarlo => 256,
+                _ => [32, 48, 128, 256][self as usize],
+            },
+            samples: [4, 9, 16, 64][self as usize],
+            ..Settings::default()
+        }
+    }
 }
 
 /// Relative change of the brightest surfel at which infinite bounces end.
@@ -72,14 +110,18 @@ pub struct Settings {
     pub shape: SurfelShape,
     /// Largest size at which a cluster of surfels is drawn as one, pixels; 0 draws surfels only.
     pub lod: f32,
+    /// Largest relative error that interpolation between gathers aims at; `None` gathers at every shading point.
+    pub interpolate: Option<f32>,
     /// Indirect bounces.
     pub bounces: Bounces,
     /// Where emitted light enters.
     pub emitters: Emitters,
     /// Shadow rays a light and shading point.
     pub light_samples: u32,
-    /// Rays a Monte Carlo gather.
+    /// Rays a traced or Monte Carlo gather.
     pub gather_samples: u32,
+    /// Camera rays that a pixel may get.
+    pub samples: u32,
     /// Hemicubes a batch.
     pub batch: BatchSize,
     /// Batches under way at once.
@@ -99,10 +141,12 @@ impl Default for Settings {
             density: SurfelDensity::Count(14_000),
             shape: SurfelShape::Disc,
             lod: 2.0,
+            interpolate: None,
             bounces: Bounces::Count(1),
             emitters: Emitters::Sample,
             light_samples: 4,
             gather_samples: 256,
+            samples: 1,
             batch: BatchSize::Auto,
             frames_in_flight: 3,
             seed: 0,

@@ -7,10 +7,10 @@ use crate::error::{Error, Result};
 use crate::gather::stage::gather_all;
 use crate::interrupt;
 use crate::math::hash32;
-use crate::render::estimates;
 use crate::run::Run;
 use crate::scene::{Scene, SceneDescription};
 use crate::settings::{Bounces, Emitters, GatherMethod, Settings};
+use crate::shading::indirect::convolve;
 use crate::world::World;
 use clap::{Args, ValueEnum};
 use glam::{DVec3, Vec3};
@@ -142,7 +142,7 @@ fn add_gathered(
         progress.advance(gathered.batch.receivers.len() as u64);
         order
             .iter()
-            .zip(estimates(gathered, &convolver))
+            .zip(convolve(gathered, &convolver))
             .for_each(|(&i, e)| total[i as usize] += e.irradiance);
         Ok(())
     })

@@ -3,9 +3,13 @@
 
 use super::{Batch, Group};
 use crate::hemicube::frame::Receiver;
+use crate::lanes::LANES;
 use crate::surfel::tree::{CutSettings, ReceiverBounds, SurfelTree};
 use glam::Vec3;
 use rayon::prelude::*;
+
+/// A group whose cut is longer than this is halved.
+const LONG_CUT: usize = 1024;
 
 /// Largest group. More receivers share the cost of a cut, but a wider group sees a finer cut.
 const GROUP: usize = 16;
@@ -28,10 +32,25 @@ pub fn order(
     settings: &CutSettings,
     batch_size: usize,
 ) -> Ordered {
+    in_batches(receivers, compact_order(receivers), tree, settings, batch_size)
+}
+
+/// The receivers' indices, such that neighbours in it are near each other in position and normal.
+pub fn compact_order(receivers: &[Receiver]) -> Vec<u32> {
     let mut keyed: Vec<(u64, u32)> =
         receivers.par_iter().enumerate().with_min_len(256).map(|(i, r)| (key(r), i as u32)).collect();
     keyed.par_sort_unstable();
-    let order: Vec<u32> = keyed.into_iter().map(|(_, i)| i).collect();
+    keyed.into_iter().map(|(_, i)| i).collect()
+}
+
+/// What [`order`] does with receivers whose order is chosen: `order` lists each index once.
+pub fn in_batches(
+    receivers: &[Receiver],
+    order: Vec<u32>,
+    tree: Option<&SurfelTree>,
+    settings: &CutSettings,
+    batch_size: usize,
+) -> Ordered {
     let sorted: Vec<Receiver> = order.iter().map(|&i| receivers[i as usize]).collect();
     let batches = match tree {
         Some(tree) => with_cuts(&sorted, tree, settings, batch_size),
@@ -54,26 +73,18 @@ fn with_cuts(
     settings: &CutSettings,
     batch_size: usize,
 ) -> Vec<Batch> {
-    let groups = groups(sorted);
-    let cuts: Vec<Vec<u32>> = groups
-        .par_iter()
-        .with_min_len(4)
-        .map(|group| {
-            let mut cut = Vec::new();
-            tree.cut(&ReceiverBounds::new(group), settings, &mut cut);
-            cut
-        })
-        .collect();
+    let cuts: Vec<Vec<Cut>> =
+        groups(sorted).par_chunks(LANES).map(|groups| cuts(groups, tree, settings)).collect();
     let mut batches = vec![Batch::default()];
     let mut first = 0;
-    for (group, cut) in groups.iter().zip(&cuts) {
+    for (group, cut) in cuts.into_iter().flatten() {
         for part in group.chunks(batch_size) {
             if batches.last().is_some_and(|b| b.receivers.len() + part.len() > batch_size) {
                 batches.push(Batch { first, ..Batch::default() });
             }
             if let Some(batch) = batches.last_mut() {
                 batch.receivers.extend_from_slice(part);
-                batch.cuts.extend_from_slice(cut);
+                batch.cuts.extend_from_slice(&cut);
                 batch.groups.push(Group { receivers: part.len() as u32, drawables: cut.len() as u32 });
             }
             first += part.len();
@@ -81,6 +92,27 @@ fn with_cuts(
     }
     batches.retain(|b| !b.receivers.is_empty());
     batches
+}
+
+/// Receivers that share a cut, and the cut.
+type Cut<'a> = (&'a [Receiver], Vec<u32>);
+
+/// Cuts for up to [`LANES`] groups. Where surfels are many more than receivers, what is close to any of a scattered group is a
+/// long list: halves of such a group have shorter ones.
+fn cuts<'a>(groups: &[&'a [Receiver]], tree: &SurfelTree, settings: &CutSettings) -> Vec<Cut<'a>> {
+    let bounds: Vec<_> = groups.iter().map(|group| ReceiverBounds::new(group)).collect();
+    groups
+        .iter()
+        .zip(tree.cuts(&bounds, settings))
+        .flat_map(|(group, cut)| {
+            if cut.len() > LONG_CUT && group.len() > 1 {
+                let (low, high) = group.split_at(group.len() / 2);
+                cuts(&[low, high], tree, settings)
+            } else {
+                vec![(*group, cut)]
+            }
+        })
+        .collect()
 }
 
 /// Cuts the ordered receivers into runs of like normals.

@@ -3,9 +3,13 @@
 //! Both rasterisers (CPU and Vulkan) follow this module to the letter and give the same ids.
 
 pub mod atlas;
+pub mod bins;
+pub mod bounds;
 pub mod convolve;
 pub mod cover;
+pub mod estimate;
 pub mod frame;
-pub mod lanes;
+pub mod local;
 pub mod raster;
+pub mod splats;
 pub mod weights;

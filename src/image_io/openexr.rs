@@ -18,7 +18,7 @@ pub fn encode(film: &Film) -> io::Result<Vec<u8>> {
     attributes.layer_name = None;
     attributes.software_name = Some(Text::from(concat!("surflux ", env!("CARGO_PKG_VERSION"))));
     let channels = AnyChannels::sort(channels(film).collect());
-    let image = Image::from_layer(Layer::new(size, attributes, Encoding::SMALL_LOSSLESS, channels));
+    let image = Image::from_layer(Layer::new(size, attributes, Encoding::UNCOMPRESSED, channels));
     let mut bytes = Cursor::new(Vec::new());
     image.write().non_parallel().to_buffered(&mut bytes).map_err(|e| match e {
         exr::error::Error::Io(e) => e,

@@ -81,7 +81,9 @@ fn forbidden_values_are_not_written() {
 fn exr_layers_have_their_names_and_values() {
     let mut film = gradient(5, 4, &Aov::ALL);
     let indirect = Vec3::new(0.0, 0.25, 0.0);
-    film.set(7, PixelValue { indirect, ..PixelValue::black(Vec3::NEG_Z, 2.5) });
+    let value = PixelValue { indirect, ..PixelValue::black(Vec3::NEG_Z, 2.5) };
+    film.pixels[7] = value.radiance();
+    film.set_layers(7, &value);
     let bytes = openexr::encode(&film).unwrap();
     let image = {
         use ::exr::prelude::*;

@@ -1,4 +1,8 @@
 //! Shading points: where camera rays meet surfaces.
 
+pub mod direct;
+pub mod indirect;
+pub mod interpolate;
 pub mod points;
 pub mod shade;
+pub mod visible;

@@ -4,23 +4,18 @@ use crate::accel::{Accel, Hit};
 use crate::math::{Rng, hash32};
 use crate::scene::{Camera, Material, Scene};
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 
 /// Where a camera ray met a surface, from the side that the camera sees.
 #[derive(Debug, Clone, Copy)]
 pub struct ShadingPoint {
-    /// Number of the camera sample: pixel x samples + sample.
-    pub sample: u64,
+    /// Its own random stream: a function of the pixel and of the sample in it alone.
+    pub stream: u64,
     /// Position, scene space.
     pub position: Vec3,
     /// Unit geometric normal towards the camera.
     pub normal: Vec3,
     /// Unit shading normal towards the camera.
     pub shading_normal: Vec3,
-    /// Unit direction towards the camera.
-    pub to_camera: Vec3,
-    /// Distance from the camera, scene units.
-    pub depth: f32,
     /// Material index.
     pub material: u32,
     /// Whether the camera sees the black back of a one-sided surface.
@@ -28,20 +23,14 @@ pub struct ShadingPoint {
 }
 
 impl ShadingPoint {
-    /// Decides how this point's hemicube is turned: a function of the camera sample alone.
+    /// Decides how this point's hemicube is turned.
     pub fn gather_seed(&self, seed: u32) -> u32 {
-        hash32(seed ^ hash32(self.sample as u32) ^ (self.sample >> 32) as u32)
+        hash32(seed ^ hash32(self.stream as u32) ^ (self.stream >> 32) as u32)
     }
 }
 
-/// What a camera sample found.
-#[derive(Debug, Clone, Copy)]
-pub enum CameraSample {
-    /// Nothing: the background shows.
-    Background,
-    /// A surface.
-    Surface(ShadingPoint),
-}
+/// Surfaces seen at less than this cosine are taken for no flatter.
+const GRAZING: f32 = 0.01;
 
 /// A camera with its picture, in scene space.
 #[derive(Debug, Clone)]
@@ -54,7 +43,7 @@ pub struct View {
     pub width: u32,
     /// Picture height, pixels.
     pub height: u32,
-    /// Camera samples a pixel.
+    /// Camera samples that a pixel may get.
     pub samples: u32,
     seed: u32,
 }
@@ -79,63 +68,98 @@ impl View {
         }
     }
 
-    /// Number of camera samples.
-    pub fn sample_count(&self) -> u64 {
-        u64::from(self.width) * u64::from(self.height) * u64::from(self.samples)
+    /// What the ray through the middle of a pixel meets.
+    pub fn trace_middle(&self, accel: &Accel, x: u32, y: u32) -> Option<ShadingPoint> {
+        self.trace(accel, Vec2::new(x as f32 + 0.5, y as f32 + 0.5), self.stream(x, y, 0))
     }
 
-    /// Traces up to `count` camera samples from `first` on, in parallel.
-    pub fn trace(&self, accel: &Accel, first: u64, count: usize) -> Vec<CameraSample> {
-        let end = self.sample_count().min(first + count as u64);
-        let samples = (0..(end - first) as usize).into_par_iter().with_min_len(256);
-        samples.map(|i| self.trace_sample(accel, first + i as u64)).collect()
+    /// What the ray of one of a pixel's samples meets, jittered within its stratum.
+    pub fn trace_sample(&self, accel: &Accel, x: u32, y: u32, sample: u32) -> Option<ShadingPoint> {
+        let stream = self.stream(x, y, sample);
+        self.trace(accel, Vec2::new(x as f32, y as f32) + self.jitter(stream, sample), stream)
     }
 
-    fn trace_sample(&self, accel: &Accel, sample: u64) -> CameraSample {
-        let direction = self.direction(sample);
-        match accel.closest_hit(self.origin, direction, f32::INFINITY) {
-            Some(hit) => CameraSample::Surface(self.surface(accel.scene(), sample, direction, &hit)),
-            None => CameraSample::Background,
+    /// Unit direction from a point to the camera.
+    pub fn to_camera(&self, point: Vec3) -> Vec3 {
+        (self.origin - point).normalize_or(-self.forward)
+    }
+
+    /// Distance of a point from the camera, scene units.
+    pub fn depth(&self, point: Vec3) -> f32 {
+        point.distance(self.origin)
+    }
+
+    /// Width of a pixel at a point, scene units: what is one pixel wide where it faces the camera.
+    pub fn footprint(&self, point: Vec3) -> f32 {
+        let along = (point - self.origin).dot(self.forward) / self.forward.length_squared();
+        along.abs().max(f32::MIN_POSITIVE) * 2.0 * self.right.length() / self.width as f32
+    }
+
+    /// Distance between the points of neighbouring pixels, scene units: the geometric mean of the two directions on a surface
+    /// that is seen at a slant.
+    pub fn spacing(&self, point: &ShadingPoint) -> f32 {
+        let cosine = self.to_camera(point.position).dot(point.normal).abs();
+        self.footprint(point.position) / cosine.max(GRAZING).sqrt()
+    }
+
+    /// No point within `radius` of a point appears further from it than this, pixels; `None` where the camera is among them.
+    pub fn projected_radius(&self, point: Vec3, radius: f32) -> Option<f32> {
+        let v = point - self.origin;
+        let scale = self.forward.length();
+        let nearest = v.dot(self.forward) / scale - radius;
+        // A point off the axis is seen at a slant, which stretches the sphere's image.
+        let slant = v.length() / (nearest + radius).max(f32::MIN_POSITIVE);
+        let pixel =
+            (2.0 * self.right.length() / self.width as f32).min(2.0 * self.up.length() / self.height as f32);
+        (nearest > 0.0).then(|| radius * slant / nearest * scale / pixel)
+    }
+
+    /// Where a point appears, pixels from the upper left corner; `None` behind the camera.
+    pub fn project(&self, point: Vec3) -> Option<Vec2> {
+        let v = point - self.origin;
+        let along = v.dot(self.forward) / self.forward.length_squared();
+        if along <= 0.0 {
+            return None;
         }
+        let s = v.dot(self.right) / (self.right.length_squared() * along);
+        let t = v.dot(self.up) / (self.up.length_squared() * along);
+        Some(Vec2::new((s + 1.0) * 0.5 * self.width as f32, (1.0 - t) * 0.5 * self.height as f32))
     }
 
-    /// Unit direction of a camera sample, jittered within its stratum of the pixel; a single sample takes the centre.
-    fn direction(&self, sample: u64) -> Vec3 {
-        let pixel = sample / u64::from(self.samples);
-        let (x, y) = (pixel % u64::from(self.width), pixel / u64::from(self.width));
-        let within = self.jitter(sample);
-        let s = 2.0 * (x as f32 + within.x) / self.width as f32 - 1.0;
-        let t = 1.0 - 2.0 * (y as f32 + within.y) / self.height as f32;
-        (self.forward + self.right * s + self.up * t).normalize()
+    fn stream(&self, x: u32, y: u32, sample: u32) -> u64 {
+        (u64::from(y) * u64::from(self.width) + u64::from(x)) * u64::from(self.samples) + u64::from(sample)
     }
 
-    fn jitter(&self, sample: u64) -> Vec2 {
-        if self.samples == 1 {
-            return Vec2::splat(0.5);
-        }
-        let mut rng = Rng::new(self.seed ^ 0x5eed_ca3e, sample);
-        let i = (sample % u64::from(self.samples)) as u32;
+    /// `at` is in pixels from the upper left corner.
+    fn trace(&self, accel: &Accel, at: Vec2, stream: u64) -> Option<ShadingPoint> {
+        let s = 2.0 * at.x / self.width as f32 - 1.0;
+        let t = 1.0 - 2.0 * at.y / self.height as f32;
+        let direction = (self.forward + self.right * s + self.up * t).normalize();
+        let hit = accel.closest_hit(self.origin, direction, f32::INFINITY)?;
+        Some(surface(accel.scene(), stream, &hit))
+    }
+
+    fn jitter(&self, stream: u64, sample: u32) -> Vec2 {
+        let mut rng = Rng::new(self.seed ^ 0x5eed_ca3e, stream);
         let columns = f64::from(self.samples).sqrt().ceil() as u32;
         let rows = self.samples.div_ceil(columns);
         if columns * rows != self.samples {
             return rng.unit2();
         }
-        let cell = Vec2::new((i % columns) as f32, (i / columns) as f32);
+        let cell = Vec2::new((sample % columns) as f32, (sample / columns) as f32);
         (cell + rng.unit2()) / Vec2::new(columns as f32, rows as f32)
     }
+}
 
-    fn surface(&self, scene: &Scene, sample: u64, direction: Vec3, hit: &Hit) -> ShadingPoint {
-        let side = if hit.front { 1.0 } else { -1.0 };
-        let material: &Material = &scene.materials[hit.material as usize];
-        ShadingPoint {
-            sample,
-            position: hit.position,
-            normal: hit.normal * side,
-            shading_normal: hit.shading_normal * side,
-            to_camera: -direction,
-            depth: hit.t,
-            material: hit.material,
-            black: !hit.front && !material.two_sided,
-        }
+fn surface(scene: &Scene, stream: u64, hit: &Hit) -> ShadingPoint {
+    let side = if hit.front { 1.0 } else { -1.0 };
+    let material: &Material = &scene.materials[hit.material as usize];
+    ShadingPoint {
+        stream,
+        position: hit.position,
+        normal: hit.normal * side,
+        shading_normal: hit.shading_normal * side,
+        material: hit.material,
+        black: !hit.front && !material.two_sided,
     }
 }

@@ -1,6 +1,7 @@
 //! Surfels: the directly lit surfaces as a cloud of small discs (or the thesis's triangles).
 
 mod centres;
+pub mod chart;
 pub mod closed;
 pub mod cloud;
 pub mod drawable;
@@ -8,9 +9,11 @@ mod element;
 pub mod file;
 pub mod generate;
 mod kdtree;
+pub mod lookup;
 mod patch;
 pub mod ply;
 mod polygon;
+mod reconstruct;
 mod sample;
 pub mod shade;
 mod share;

@@ -6,9 +6,10 @@
 use super::cloud::{FLAG_CULL_BACK, Splat, SurfelCloud, SurfelShape};
 use crate::accel::{ClusterNode, cluster};
 use crate::hemicube::frame::Receiver;
+use crate::lanes::{self, F32x8, LANES, LaneTask, Mask8, dot, sub, vector};
 use bytemuck::Zeroable;
 use glam::Vec3;
-use std::f32::consts::PI;
+use std::f32::consts::{PI, SQRT_2};
 
 /// Radius of a cluster's disc over the square root of its projected area: discs on a regular pattern cover the plane from
 /// 0.71 (square) on.
@@ -16,8 +17,13 @@ const CLUSTER_RADIUS: f32 = 0.75;
 /// How far surfels are moved along their normals before clustering, in scene sizes: only like normals then stand together.
 /// Less than 1 would bring the opposite walls of a room together instead.
 const NORMAL_SPREAD: f32 = 2.0;
+/// What rises less than this above a receiver's plane is in it: more than the rounding of coordinates, scene units.
+const COPLANAR: f32 = 4e-7;
 /// Normals that differ more than this from their cluster's mean (length of the difference) are not drawn as one disc.
 const MAX_NORMAL_DEVIATION: f32 = 0.5;
+
+/// Room made for a cut in advance.
+const USUAL_CUT: usize = 512;
 
 /// A node: bounds for the cut's decisions.
 #[derive(Debug, Clone, Copy, Default)]
@@ -25,6 +31,8 @@ struct Node {
     centre: Vec3,
     /// Radius about `centre` that holds all discs below.
     bound: f32,
+    /// Greatest distance of any point of the discs below from the node's plane.
+    thickness: f32,
     normal: Vec3,
     /// Length of the mean of the unit normals below: 1 when all are alike.
     agreement: f32,
@@ -53,6 +61,8 @@ pub struct SurfelTree {
 pub struct ReceiverBounds {
     centre: Vec3,
     radius: f32,
+    /// Greatest distance of a receiver from the plane through `centre` across `normal`.
+    thickness: f32,
     normal: Vec3,
     deviation: f32,
     /// Whether some receiver must see culled backs.
@@ -69,6 +79,7 @@ impl ReceiverBounds {
         Self {
             centre,
             radius: greatest(&|r| r.position.distance(centre)),
+            thickness: greatest(&|r| (r.position - centre).dot(normal).abs()),
             normal,
             deviation: greatest(&|r| r.normal.distance(normal)),
             inside: receivers.iter().any(|r| r.flags != 0),
@@ -139,25 +150,10 @@ impl SurfelTree {
         }
     }
 
-    /// Appends to `cut` the drawables that a group of receivers needs: clusters that look smaller than `lod` pixels from all of
-    /// them, surfels elsewhere, and nothing that none of them can see.
-    pub fn cut(&self, group: &ReceiverBounds, settings: &CutSettings, cut: &mut Vec<u32>) {
-        // A cluster of radius r at distance d spans 2 r / d of a face that is 2 wide and `resolution` pixels across.
-        let limit = settings.lod / settings.resolution as f32;
-        let mut stack = vec![0u32];
-        while let Some(i) = stack.pop() {
-            let node = &self.nodes[i as usize];
-            if group.cannot_see(node) {
-                continue;
-            }
-            if node.child == 0 || group.may_draw(node, limit) {
-                cut.push(node.drawable);
-            } else {
-                // The first child is taken first, so that a cut keeps the tree's order.
-                stack.push(node.child + 1);
-                stack.push(node.child);
-            }
-        }
+    /// The drawables that each of up to [`LANES`] groups of receivers needs: clusters that look smaller than `lod` pixels from
+    /// all of them, surfels elsewhere, and nothing that none of them can see. Groups near each other go best together.
+    pub fn cuts(&self, groups: &[ReceiverBounds], settings: &CutSettings) -> [Vec<u32>; LANES] {
+        lanes::run(Cutting { tree: self, groups, settings })
     }
 
     fn children(&self, node: &Node) -> [&Node; 2] {
@@ -179,10 +175,14 @@ impl SurfelTree {
         let radius = disc_radius(area * agreement, shape);
         let reach = |n: &Node| n.centre.distance(centre) + n.bound;
         let turn = |n: &Node| n.normal.distance(normal) + n.deviation;
+        let height = |n: &Node| {
+            (n.centre - centre).dot(normal).abs() + n.thickness + n.bound * n.normal.distance(normal).min(1.0)
+        };
         self.area.push(area);
         Node {
             centre,
             bound: reach(&a).max(reach(&b)).max(radius),
+            thickness: height(&a).max(height(&b)),
             normal,
             agreement,
             deviation: turn(&a).max(turn(&b)),
@@ -199,6 +199,7 @@ fn leaf(cloud: &SurfelCloud, surfel: u32) -> Node {
     Node {
         centre: cloud.position[i],
         bound: cloud.radius[i],
+        thickness: 0.0,
         normal: cloud.normal[i],
         agreement: 1.0,
         deviation: 0.0,
@@ -218,24 +219,129 @@ fn disc_radius(area: f32, shape: SurfelShape) -> f32 {
     }
 }
 
-impl ReceiverBounds {
-    /// Whether no receiver can see anything of the node: it is below all horizons, or shows only culled backs.
-    fn cannot_see(&self, node: &Node) -> bool {
-        let to_node = node.centre - self.centre;
-        let distance = to_node.length();
-        let reach = node.bound + self.radius;
-        let below =
-            to_node.dot(self.normal) + distance * self.deviation + reach * (1.0 + self.deviation) < 0.0;
-        let culled = node.flags & FLAG_CULL_BACK != 0 && !self.inside;
-        below
-            || (culled
-                && to_node.dot(node.normal) - distance * node.deviation - reach * (1.0 + node.deviation)
-                    > 0.0)
+/// Cuts of eight groups at a time: neighbours need nearly the same nodes.
+struct Cutting<'a> {
+    tree: &'a SurfelTree,
+    groups: &'a [ReceiverBounds],
+    settings: &'a CutSettings,
+}
+
+impl LaneTask for Cutting<'_> {
+    type Output = [Vec<u32>; LANES];
+
+    #[inline(always)]
+    fn run<F: F32x8>(self) -> Self::Output {
+        let groups = EightGroups::<F>::new(self.groups, self.settings);
+        let mut cuts: [Vec<u32>; LANES] = std::array::from_fn(|_| Vec::with_capacity(USUAL_CUT));
+        // Nodes to look at, and for which of the groups.
+        let mut stack = vec![(0, (1u32 << self.groups.len().min(LANES)) - 1)];
+        while let Some((i, asking)) = stack.pop() {
+            let node = &self.tree.nodes[i as usize];
+            let seeing = asking & !groups.cannot_see(node);
+            let drawing = if node.child == 0 { seeing } else { seeing & groups.may_draw(node) };
+            push(&mut cuts, drawing, node.drawable);
+            if seeing != drawing {
+                // The first child is taken first, so that a cut keeps the tree's order.
+                stack.push((node.child + 1, seeing & !drawing));
+                stack.push((node.child, seeing & !drawing));
+            }
+        }
+        cuts
+    }
+}
+
+/// Appends a drawable to the cuts whose bit is set.
+#[inline(always)]
+fn push(cuts: &mut [Vec<u32>; LANES], mut bits: u32, drawable: u32) {
+    while bits != 0 {
+        cuts[bits.trailing_zeros() as usize % LANES].push(drawable);
+        bits &= bits - 1;
+    }
+}
+
+/// Eight [`ReceiverBounds`] side by side.
+struct EightGroups<F> {
+    centre: [F; 3],
+    radius: F,
+    thickness: F,
+    normal: [F; 3],
+    deviation: F,
+    /// What is lower than this over its distance from a receiver lies below all pixels.
+    grazing: F,
+    /// Groups for which nothing may be culled from behind, one bit each.
+    inside: u32,
+    /// A node may be drawn as one disc when its radius over its distance is below this.
+    limit: F,
+}
+
+impl<F: F32x8> EightGroups<F> {
+    #[inline(always)]
+    fn new(groups: &[ReceiverBounds], settings: &CutSettings) -> Self {
+        // Lanes without a group are never asked for.
+        let mut lanes = [[0.0; LANES]; 9];
+        let mut inside = 0;
+        for (i, group) in groups.iter().take(LANES).enumerate() {
+            let (c, n) = (group.centre, group.normal);
+            let values = [c.x, c.y, c.z, n.x, n.y, n.z, group.radius, group.deviation, group.thickness];
+            lanes.iter_mut().zip(values).for_each(|(lane, value)| lane[i] = value);
+            inside |= u32::from(group.inside) << i;
+        }
+        Self {
+            centre: [F::load(&lanes[0]), F::load(&lanes[1]), F::load(&lanes[2])],
+            normal: [F::load(&lanes[3]), F::load(&lanes[4]), F::load(&lanes[5])],
+            radius: F::load(&lanes[6]),
+            deviation: F::load(&lanes[7]),
+            thickness: F::load(&lanes[8]),
+            // The lowest rays go through the middles of the lowest pixels, those in the corners by this much above the
+            // horizon: height / horizontal distance = (1 / resolution) / sqrt 2 = t, and t / (1 + t) <= height / distance.
+            grazing: F::splat(1.0 / (1.0 + SQRT_2 * settings.resolution as f32)),
+            inside,
+            // A cluster of radius r at distance d spans 2 r / d of a face that is 2 wide and `resolution` pixels across.
+            limit: F::splat(settings.lod / settings.resolution as f32),
+        }
     }
 
-    /// Whether the node may be drawn as one disc for every receiver of the group.
-    fn may_draw(&self, node: &Node, limit: f32) -> bool {
-        let distance = node.centre.distance(self.centre) - self.radius;
-        distance > node.bound && node.radius < limit * distance && node.deviation < MAX_NORMAL_DEVIATION
+    /// Groups of which no receiver can see anything of the node: it is below the pixels of all, or shows only culled backs.
+    #[inline(always)]
+    fn cannot_see(&self, node: &Node) -> u32 {
+        let to_node = self.to(node);
+        let distance = dot(to_node, to_node).sqrt();
+        let (bound, thickness) = (F::splat(node.bound), F::splat(node.thickness));
+        // At least the sine of the angle between the normals; exact to rounding where they are alike.
+        let across = sub(vector(node.normal), self.normal);
+        let chord_squared = dot(across, across);
+        let sine =
+            chord_squared.min(F::splat(4.0) - chord_squared).max(F::splat(0.0)).sqrt().min(F::splat(1.0));
+        let reach = distance + bound + self.radius;
+        let top =
+            dot(to_node, self.normal) + thickness + self.thickness + bound * sine + reach * self.deviation;
+        let nearest = distance - bound - self.radius;
+        let below = (nearest * self.grazing).max(F::splat(COPLANAR)).gt(top).bits();
+        if node.flags & FLAG_CULL_BACK == 0 {
+            return below;
+        }
+        let lowest = dot(to_node, vector(node.normal))
+            - thickness
+            - self.thickness
+            - self.radius * sine
+            - reach * F::splat(node.deviation);
+        below | lowest.gt(F::splat(0.0)).bits() & !self.inside
+    }
+
+    /// Groups for every receiver of which the node may be drawn as one disc.
+    #[inline(always)]
+    fn may_draw(&self, node: &Node) -> u32 {
+        if node.deviation >= MAX_NORMAL_DEVIATION {
+            return 0;
+        }
+        let to_node = self.to(node);
+        let distance = dot(to_node, to_node).sqrt() - self.radius;
+        let clear = distance.gt(F::splat(node.bound));
+        clear.and((self.limit * distance).gt(F::splat(node.radius))).bits()
+    }
+
+    #[inline(always)]
+    fn to(&self, node: &Node) -> [F; 3] {
+        sub(vector(node.centre), self.centre)
     }
 }

@@ -4,10 +4,10 @@ use glam::DVec3;
 use surflux::direct::{LitPoint, Sampling};
 use surflux::gather::stage::gather_all;
 use surflux::hemicube::frame::Receiver;
-use surflux::render::estimates;
 use surflux::run::Run;
 use surflux::scene::{Scene, SceneDescription};
 use surflux::settings::{Emitters, GatherMethod, Settings};
+use surflux::shading::indirect::convolve;
 use surflux::world::World;
 
 /// Shadow rays a light at points whose direct light is sampled.
@@ -43,7 +43,7 @@ impl Gathering {
         let convolver = world.convolver();
         gather_all(gatherer.as_mut(), ordered.batches, &Run::default(), |gathered| {
             let order = &ordered.order[gathered.batch.first..];
-            let found = order.iter().zip(estimates(gathered, &convolver));
+            let found = order.iter().zip(convolve(gathered, &convolver));
             found.for_each(|(&i, e)| total[i as usize] += e.irradiance.as_dvec3());
             Ok(())
         })

@@ -1,0 +1,127 @@
+//! Indirect light of the points that the camera sees: gathered at every one, or at few and interpolated.
+
+use super::interpolate::interpolate;
+use super::points::{ShadingPoint, View};
+use super::visible::Visible;
+use crate::error::Result;
+use crate::gather::stage::gather_all;
+use crate::gather::{Estimate, Gathered, Gatherer, Output};
+use crate::hemicube::convolve::Convolver;
+use crate::hemicube::frame::Receiver;
+use crate::progress::Progress;
+use crate::run::Run;
+use crate::settings::Settings;
+use crate::stats::Stage;
+use crate::world::World;
+use glam::Vec3;
+use rayon::prelude::*;
+use std::cell::RefCell;
+
+/// Receivers ordered at a time: enough to find neighbours, few enough to bound memory and to keep the device busy early.
+const CHUNK: usize = 1 << 16;
+
+/// Everything that gathers for a picture.
+pub struct Gathering<'a> {
+    world: &'a World,
+    settings: &'a Settings,
+    run: &'a Run,
+    gatherer: Box<dyn Gatherer + 'a>,
+}
+
+impl<'a> Gathering<'a> {
+    /// Opens the device.
+    ///
+    /// # Errors
+    /// When the device is not there or fails.
+    pub fn new(world: &'a World, settings: &'a Settings, run: &'a Run) -> Result<Self> {
+        let gatherer = world.gatherer(settings)?;
+        run.reporter.verbose(|| {
+            let (size, in_flight) = (gatherer.batch_size(), gatherer.frames_in_flight());
+            format!("up to {size} gathers a batch, up to {in_flight} batches under way at once")
+        });
+        Ok(Self { world, settings, run, gatherer })
+    }
+
+    /// Irradiance of indirect light at every visible point, W m-2; zero where it cannot be seen.
+    ///
+    /// # Errors
+    /// When the device fails or the user interrupts.
+    pub fn light(&mut self, view: &View, visible: &Visible) -> Result<Vec<Vec3>> {
+        match self.settings.interpolate {
+            Some(tolerance) => interpolate(self, view, visible, tolerance),
+            None => self.everywhere(visible),
+        }
+    }
+
+    fn everywhere(&mut self, visible: &Visible) -> Result<Vec<Vec3>> {
+        let lit: Vec<u32> = (0..visible.points.len() as u32)
+            .filter(|&i| self.reflects(&visible.points[i as usize]))
+            .collect();
+        let points: Vec<ShadingPoint> = lit.iter().map(|&i| visible.points[i as usize]).collect();
+        let progress = self.run.reporter.progress("gathering", points.len() as u64);
+        let estimates = self.gather(&points, Some(&progress))?;
+        let mut irradiance = vec![Vec3::ZERO; visible.points.len()];
+        lit.iter().zip(estimates).for_each(|(&i, e)| irradiance[i as usize] = e.irradiance);
+        Ok(irradiance)
+    }
+
+    /// Whether light that reaches the point can be seen.
+    pub fn reflects(&self, point: &ShadingPoint) -> bool {
+        !point.black && self.world.scene.materials[point.material as usize].albedo != Vec3::ZERO
+    }
+
+    /// The companions of the run.
+    pub fn run(&self) -> &'a Run {
+        self.run
+    }
+
+    /// Gathers at points, whatever their order; the device works while the next points are ordered and the last ones
+    /// convolved.
+    ///
+    /// # Errors
+    /// When the device fails or the user interrupts.
+    pub fn gather(&mut self, points: &[ShadingPoint], progress: Option<&Progress>) -> Result<Vec<Estimate>> {
+        let (world, settings, run) = (self.world, self.settings, self.run);
+        let convolver = world.convolver();
+        let batch_size = self.gatherer.batch_size();
+        let order = RefCell::new(Vec::with_capacity(points.len()));
+        let batches = points.chunks(CHUNK).enumerate().flat_map(|(chunk, points)| {
+            let receivers: Vec<Receiver> = points
+                .par_iter()
+                .with_min_len(64)
+                .map(|p| world.receiver(p.position, p.shading_normal, p.gather_seed(settings.seed)))
+                .collect();
+            let ordered = run.clock.time(Stage::Tree, || world.order(&receivers, settings, batch_size));
+            let before = chunk * CHUNK;
+            order.borrow_mut().extend(ordered.order.iter().map(|&i| before + i as usize));
+            ordered.batches.into_iter().map(move |mut batch| {
+                batch.first += before;
+                batch
+            })
+        });
+        let mut estimates = vec![Estimate::default(); points.len()];
+        gather_all(self.gatherer.as_mut(), batches, run, |gathered| {
+            let (first, count) = (gathered.batch.first, gathered.batch.receivers.len());
+            let found = run.clock.time(Stage::Convolve, || convolve(gathered, &convolver));
+            order.borrow()[first..].iter().zip(found).for_each(|(&i, e)| estimates[i] = e);
+            progress.iter().for_each(|progress| progress.advance(count as u64));
+            Ok(())
+        })?;
+        Ok(estimates)
+    }
+}
+
+/// What a finished batch found out.
+pub fn convolve(gathered: Gathered, convolver: &Convolver) -> Vec<Estimate> {
+    match gathered.output {
+        Output::Estimates(estimates) => estimates,
+        Output::Ids(atlas) => gathered
+            .batch
+            .receivers
+            .par_iter()
+            .with_min_len(16)
+            .enumerate()
+            .map(|(i, receiver)| convolver.estimate(&atlas, i, receiver))
+            .collect(),
+    }
+}

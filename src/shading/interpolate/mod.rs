@@ -1,0 +1,92 @@
+//! Interpolation: gathers at few points, where irradiance changes quickly, and a fit through them elsewhere.
+//!
+//! Records are placed on ever finer grids of pixels (Ward, Rubinstein and Clear 1988, "A Ray Tracing Solution for Diffuse
+//! Interreflection", gave the measure: the harmonic mean distance of what a gather sees tells how quickly irradiance can
+//! change). A grid point is gathered where no record reaches. Each record is also predicted from its neighbours: where that goes
+//! wrong by more than the gathers' noise, the records around reach less far, and the next grid places more. Every other point takes a linear
+//! least-squares fit through the records around, which also averages their noise.
+
+mod fit;
+mod lanes;
+mod record;
+mod tiles;
+
+use super::indirect::Gathering;
+use super::points::{ShadingPoint, View};
+use super::visible::Visible;
+use crate::error::Result;
+use crate::gather::Estimate;
+use crate::interrupt;
+use crate::stats::Stage;
+use glam::Vec3;
+use tiles::Field;
+
+/// Distances of the grids' points, pixels, from coarse to fine.
+const GRIDS: [u32; 4] = [16, 8, 4, 2];
+
+/// Irradiance at every visible point, W m-2, zero where nothing reflects.
+///
+/// # Errors
+/// When the device fails or the user interrupts.
+pub fn interpolate(
+    gathering: &mut Gathering,
+    view: &View,
+    visible: &Visible,
+    tolerance: f32,
+) -> Result<Vec<Vec3>> {
+    let clock = &gathering.run().clock;
+    let lit: Vec<u32> = (0..visible.points.len() as u32)
+        .filter(|&i| gathering.reflects(&visible.points[i as usize]))
+        .collect();
+    let mut field = Field::new(view, visible, tolerance);
+    for grid in GRIDS {
+        interrupt::check()?;
+        let candidates = grid_points(visible, grid, |i| gathering.reflects(&visible.points[i as usize]));
+        let wanted: Vec<u32> = clock.time(Stage::Interpolate, || {
+            let fits = field.fit(&candidates);
+            candidates.into_iter().zip(fits).filter(|(_, fit)| !fit.reached).map(|(i, _)| i).collect()
+        });
+        let estimates = gather_at(gathering, visible, &wanted)?;
+        clock.time(Stage::Interpolate, || field.add(wanted.into_iter().zip(estimates)));
+    }
+    finish(gathering, visible, &field, &lit)
+}
+
+/// The fit everywhere, and gathers where no record is near.
+fn finish(gathering: &mut Gathering, visible: &Visible, field: &Field, lit: &[u32]) -> Result<Vec<Vec3>> {
+    let fits = gathering.run().clock.time(Stage::Interpolate, || field.fit(lit));
+    let mut irradiance = vec![Vec3::ZERO; visible.points.len()];
+    let mut missing = Vec::new();
+    for (&i, fit) in lit.iter().zip(fits) {
+        match fit.irradiance {
+            Some(e) => irradiance[i as usize] = e,
+            None => missing.push(i),
+        }
+    }
+    let estimates = gather_at(gathering, visible, &missing)?;
+    missing.iter().zip(estimates).for_each(|(&i, e)| irradiance[i as usize] = e.irradiance);
+    Ok(irradiance)
+}
+
+fn gather_at(gathering: &mut Gathering, visible: &Visible, points: &[u32]) -> Result<Vec<Estimate>> {
+    let points: Vec<ShadingPoint> = points.iter().map(|&i| visible.points[i as usize]).collect();
+    gathering.gather(&points, None)
+}
+
+/// The main points of every `grid`-th pixel that no coarser grid held.
+fn grid_points(visible: &Visible, grid: u32, reflects: impl Fn(u32) -> bool) -> Vec<u32> {
+    let coarser = 2 * grid;
+    let known = |x: u32, y: u32| grid != GRIDS[0] && x % coarser == 0 && y % coarser == 0;
+    let mut points = Vec::new();
+    for row in 0..visible.height() {
+        let y = visible.rows.start + row;
+        if y % grid != 0 {
+            continue;
+        }
+        let columns = (0..visible.width).step_by(grid as usize).filter(|&x| !known(x, y));
+        points.extend(
+            columns.filter_map(|x| visible.main_point(x, row)).map(|i| i as u32).filter(|&i| reflects(i)),
+        );
+    }
+    points
+}

@@ -1,0 +1,261 @@
+//! The records, found by the tiles of the picture that they reach into.
+
+use super::fit::{Fit, SUPPORT};
+use super::lanes::{PointLanes, RecordLanes};
+use super::record::{Reaches, Record};
+use crate::gather::Estimate;
+use crate::lanes::LANES;
+use crate::shading::points::{ShadingPoint, View};
+use crate::shading::visible::Visible;
+use glam::Vec3;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Edge of a tile, pixels.
+const TILE: u32 = 16;
+/// Where the prediction of a record from its neighbours was wrong, records reach this much less far.
+const SHRINK: f32 = 0.5;
+/// One wrong prediction may be an outlier of the noise; so many are a feature.
+const ENOUGH: usize = 2;
+/// Errors of predictions above so many times their median are more than the gathers' noise.
+const NOISE_MARGIN: f32 = 4.0;
+/// Errors of so many tolerances are to be expected of predictions: they come from further away than interpolation does.
+const ERROR_MARGIN: f32 = 2.0;
+
+/// All records of a picture so far.
+pub struct Field<'v> {
+    view: &'v View,
+    visible: &'v Visible,
+    reaches: Reaches,
+    records: Vec<Record>,
+    /// Records that reach into each tile.
+    tiles: Lists,
+    columns: u32,
+    tile_rows: u32,
+    /// Tile of each visible point.
+    tile_of: Vec<u32>,
+}
+
+impl<'v> Field<'v> {
+    /// A field without records.
+    pub fn new(view: &'v View, visible: &'v Visible, tolerance: f32) -> Self {
+        let columns = visible.width.div_ceil(TILE);
+        let tile_rows = visible.height().div_ceil(TILE);
+        let mut tile_of = vec![0; visible.points.len()];
+        for pixel in 0..visible.pixels() {
+            let (x, row) = (pixel as u32 % visible.width, pixel as u32 / visible.width);
+            tile_of[visible.of_pixel(pixel)].fill(row / TILE * columns + x / TILE);
+        }
+        let tiles = Lists::new((columns * tile_rows) as usize, &[]);
+        let reaches = Reaches::new(tolerance);
+        Self { view, visible, reaches, records: Vec::new(), tiles, columns, tile_rows, tile_of }
+    }
+
+    /// Fits at visible points, in parallel.
+    pub fn fit(&self, points: &[u32]) -> Vec<Fit> {
+        let boxes: Vec<Range<u32>> = points.iter().map(|&p| one(self.tile_of[p as usize])).collect();
+        let place = |k: u32| {
+            let point = &self.visible.points[points[k as usize] as usize];
+            (point.position, point.shading_normal)
+        };
+        self.fit_lists(&Lists::new(self.tiles.len(), &boxes), points.len(), |eight| {
+            PointLanes::new(eight.len(), |lane| place(eight[lane]))
+        })
+    }
+
+    /// Fits for the items that are listed by tile; `lanes` lays out up to eight of them.
+    fn fit_lists(
+        &self,
+        items: &Lists,
+        count: usize,
+        lanes: impl Fn(&[u32]) -> PointLanes + Sync,
+    ) -> Vec<Fit> {
+        let found: Vec<Vec<Fit>> = (0..self.tiles.len())
+            .into_par_iter()
+            .map_init(RecordLanes::default, |records, tile| {
+                let items = items.get(tile);
+                if items.is_empty() {
+                    return Vec::new();
+                }
+                records.fill(self.tiles.get(tile).iter().map(|&r| &self.records[r as usize]));
+                let mut fits = Vec::with_capacity(items.len().next_multiple_of(LANES));
+                items.chunks(LANES).for_each(|eight| fits.extend(lanes(eight).fit(records)));
+                fits
+            })
+            .collect();
+        let mut fits = vec![Fit::default(); count];
+        for (tile, found) in found.iter().enumerate() {
+            items.get(tile).iter().zip(found).for_each(|(&k, &fit)| fits[k as usize] = fit);
+        }
+        fits
+    }
+
+    /// Adds what was gathered at visible points, and lets all records reach as far as their neighbours allow.
+    pub fn add(&mut self, gathers: impl Iterator<Item = (u32, Estimate)>) {
+        let record = |(i, estimate): (u32, Estimate)| {
+            let point: &ShadingPoint = &self.visible.points[i as usize];
+            self.reaches.record(point, &estimate, self.view.spacing(point))
+        };
+        self.records.extend(gathers.map(record));
+        self.sort_into_tiles();
+        let agreed = self.agreed();
+        self.set_reaches(&agreed);
+        let corrected = self.corrected();
+        self.set_reaches(&corrected);
+    }
+
+    /// Where one record sees something close, those around it cannot be far from it either: none reaches further than
+    /// another one's reach and the distance to it (Krivanek et al. 2006, "Making Radiance and Irradiance Caching Practical:
+    /// Adaptive Caching and Neighbor Clamping").
+    fn agreed(&self) -> Vec<f32> {
+        self.records
+            .par_iter()
+            .map(|record| {
+                let bound = |other: &Record| other.reach + other.position.distance(record.position);
+                self.around(record).map(bound).fold(record.reach, f32::min)
+            })
+            .collect()
+    }
+
+    /// Shorter reaches around records that their neighbours predict badly.
+    fn corrected(&self) -> Vec<f32> {
+        let surprising = self.surprising();
+        let shorter = |record: &Record| {
+            let near = |other: u32| {
+                let distance = self.records[other as usize].position.distance(record.position);
+                surprising[other as usize] && distance < SUPPORT * record.reach
+            };
+            let around = self.tile_at(record).map_or(&[][..], |tile| self.tiles.get(tile));
+            let count = around.iter().filter(|&&r| near(r)).take(ENOUGH).count();
+            if count == ENOUGH { record.reach * SHRINK } else { record.reach }
+        };
+        self.records.par_iter().map(shorter).collect()
+    }
+
+    /// Which records their neighbours predict badly.
+    fn surprising(&self) -> Vec<bool> {
+        let own_tile = |r: &Record| self.tile_at(r).map_or(0..0, |tile| one(tile as u32));
+        let boxes: Vec<Range<u32>> = self.records.iter().map(own_tile).collect();
+        let fits = self.fit_lists(&Lists::new(self.tiles.len(), &boxes), self.records.len(), |eight| {
+            PointLanes::without(eight.len(), |lane| &self.records[eight[lane] as usize])
+        });
+        let error = |(record, fit): (&Record, &Fit)| {
+            fit.irradiance.map_or(0.0, |prediction| relative_error(prediction, record.irradiance))
+        };
+        let errors: Vec<f32> = self.records.iter().zip(&fits).map(error).collect();
+        // Most errors are noise: their median tells how much of it there is.
+        let limit = (NOISE_MARGIN * median(&errors)).max(ERROR_MARGIN * self.reaches.tolerance);
+        errors.into_iter().map(|e| e > limit).collect()
+    }
+
+    fn set_reaches(&mut self, reaches: &[f32]) {
+        self.records.iter_mut().zip(reaches).for_each(|(r, &reach)| r.reach = reach.max(r.shortest));
+        self.sort_into_tiles();
+    }
+
+    /// The records that reach into a record's tile.
+    fn around(&self, record: &Record) -> impl Iterator<Item = &Record> {
+        let list = self.tile_at(record).map_or(&[][..], |tile| self.tiles.get(tile));
+        list.iter().map(|&r| &self.records[r as usize])
+    }
+
+    fn tile_at(&self, record: &Record) -> Option<usize> {
+        let at = self.view.project(record.position)?;
+        let (x, y) = (at.x as u32 / TILE, (at.y as u32).checked_sub(self.visible.rows.start)? / TILE);
+        (x < self.columns && y < self.tile_rows).then_some((y * self.columns + x) as usize)
+    }
+
+    fn sort_into_tiles(&mut self) {
+        let boxes: Vec<TileBox> = self.records.par_iter().map(|r| self.tile_box(r)).collect();
+        self.tiles = Lists::of_boxes(self.columns, self.tile_rows, &boxes);
+    }
+
+    /// The tiles that the record's support may touch.
+    fn tile_box(&self, record: &Record) -> TileBox {
+        let everything = TileBox { columns: 0..self.columns, rows: 0..self.tile_rows };
+        let at = self.view.project(record.position);
+        let radius = self.view.projected_radius(record.position, SUPPORT * record.reach);
+        let (Some(at), Some(radius)) = (at, radius) else { return everything };
+        let range = |centre: f32, count: u32| {
+            let low = ((centre - radius) / TILE as f32).floor().clamp(0.0, count as f32);
+            let high = ((centre + radius) / TILE as f32).ceil().clamp(0.0, count as f32);
+            low as u32..high as u32
+        };
+        let first_row = self.visible.rows.start as f32;
+        TileBox { columns: range(at.x, self.columns), rows: range(at.y - first_row, self.tile_rows) }
+    }
+}
+
+/// A rectangle of tiles.
+struct TileBox {
+    columns: Range<u32>,
+    rows: Range<u32>,
+}
+
+/// For each of a number of bins, the items in it, in rising order.
+struct Lists {
+    starts: Vec<u32>,
+    items: Vec<u32>,
+}
+
+impl Lists {
+    /// Lists by bin, given the bins of each item.
+    fn new(bins: usize, of_items: &[Range<u32>]) -> Self {
+        Self::fill(bins, of_items.len(), |item, visit| of_items[item].clone().for_each(visit))
+    }
+
+    /// Lists by tile, given each item's rectangle of tiles.
+    fn of_boxes(columns: u32, rows: u32, boxes: &[TileBox]) -> Self {
+        Self::fill((columns * rows) as usize, boxes.len(), |item, visit| {
+            let TileBox { columns: xs, rows: ys } = &boxes[item];
+            for y in ys.clone() {
+                xs.clone().for_each(|x| visit(y * columns + x));
+            }
+        })
+    }
+
+    /// `visit_bins` calls its second argument with each bin of an item.
+    fn fill(bins: usize, items: usize, visit_bins: impl Fn(usize, &mut dyn FnMut(u32))) -> Self {
+        let mut starts = vec![0u32; bins + 1];
+        for item in 0..items {
+            visit_bins(item, &mut |bin| starts[bin as usize + 1] += 1);
+        }
+        for bin in 0..bins {
+            starts[bin + 1] += starts[bin];
+        }
+        let mut ends = starts.clone();
+        let mut list = vec![0; starts[bins] as usize];
+        for item in 0..items {
+            visit_bins(item, &mut |bin| {
+                let end = &mut ends[bin as usize];
+                list[*end as usize] = item as u32;
+                *end += 1;
+            });
+        }
+        Self { starts, items: list }
+    }
+
+    fn len(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    fn get(&self, bin: usize) -> &[u32] {
+        &self.items[self.starts[bin] as usize..self.starts[bin + 1] as usize]
+    }
+}
+
+fn one(bin: u32) -> Range<u32> {
+    bin..bin + 1
+}
+
+fn relative_error(predicted: Vec3, found: Vec3) -> f32 {
+    let (a, b) = (predicted.element_sum(), found.element_sum());
+    (a - b).abs() / a.max(b).max(f32::MIN_POSITIVE)
+}
+
+/// Median of the numbers above 0; 0 without one.
+fn median(values: &[f32]) -> f32 {
+    let mut known: Vec<f32> = values.iter().copied().filter(|&v| v > 0.0).collect();
+    let middle = known.len() / 2;
+    if known.is_empty() { 0.0 } else { *known.select_nth_unstable_by(middle, f32::total_cmp).1 }
+}

@@ -1,0 +1,185 @@
+//! What the camera sees, before any light: a few shading points a pixel, each with its share of it.
+//!
+//! One ray goes through the middle of every pixel. Only where neighbouring pixels see different surfaces does a pixel get all
+//! its samples; those that meet the same surface become one shading point, so that light is computed once a surface.
+
+use super::points::{ShadingPoint, View};
+use crate::accel::Accel;
+use crate::error::Result;
+use crate::interrupt;
+use glam::Vec3;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Normals that differ by more than this (length of the difference, about 10 degrees) show an edge.
+const EDGE_TURN: f32 = 0.17;
+/// Surfaces that lie further apart than this many pixel widths, across the surface, are different ones.
+const EDGE_STEP: f32 = 1.0;
+
+/// Shading points of whole rows of the picture.
+#[derive(Debug, Clone, Default)]
+pub struct Visible {
+    /// Pixels a row.
+    pub width: u32,
+    /// The rows, numbered from the top of the picture.
+    pub rows: Range<u32>,
+    /// Shading points, pixel after pixel; a pixel's first one has its largest share.
+    pub points: Vec<ShadingPoint>,
+    /// The share of its pixel that each point stands for, 0..=1; the rest of a pixel shows the background.
+    pub shares: Vec<f32>,
+    /// Where each pixel's points begin; one entry more than there are pixels.
+    starts: Vec<u32>,
+}
+
+impl Visible {
+    /// Traces the rows.
+    ///
+    /// # Errors
+    /// When the user interrupts.
+    pub fn trace(view: &View, accel: &Accel, rows: Range<u32>) -> Result<Self> {
+        let middles = Middles::trace(view, accel, rows.clone())?;
+        if view.samples == 1 {
+            return Ok(Self::of_middles(middles));
+        }
+        let pixels: Vec<u32> = (0..middles.points.len() as u32).collect();
+        let refined: Vec<(u32, Vec<(ShadingPoint, u32)>)> = pixels
+            .into_par_iter()
+            .with_min_len(256)
+            .filter(|&p| middles.on_edge(view, p))
+            .map(|p| (p, group(view, accel, middles.width, middles.rows.start, p)))
+            .collect();
+        interrupt::check()?;
+        Ok(Self::with_refined(middles, &refined, view.samples))
+    }
+
+    fn of_middles(middles: Middles) -> Self {
+        Self::with_refined(middles, &[], 1)
+    }
+
+    fn with_refined(middles: Middles, refined: &[(u32, Vec<(ShadingPoint, u32)>)], samples: u32) -> Self {
+        let Middles { width, rows, points: found } = middles;
+        let mut visible = Self { width, rows, ..Self::default() };
+        visible.points.reserve(found.len() + refined.iter().map(|(_, groups)| groups.len()).sum::<usize>());
+        visible.shares.reserve(visible.points.capacity());
+        visible.starts.reserve(found.len() + 1);
+        let mut refined = refined.iter().peekable();
+        for (p, middle) in found.into_iter().enumerate() {
+            visible.starts.push(visible.points.len() as u32);
+            match refined.next_if(|(pixel, _)| *pixel as usize == p) {
+                Some((_, groups)) => {
+                    for &(point, count) in groups {
+                        visible.points.push(point);
+                        visible.shares.push(count as f32 / samples as f32);
+                    }
+                }
+                None => {
+                    visible.points.extend(middle);
+                    visible.shares.extend(middle.map(|_| 1.0));
+                }
+            }
+        }
+        visible.starts.push(visible.points.len() as u32);
+        visible
+    }
+
+    /// Number of pixels.
+    pub fn pixels(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// The points of a pixel, counted row by row from the first of these rows.
+    pub fn of_pixel(&self, pixel: usize) -> Range<usize> {
+        self.starts[pixel] as usize..self.starts[pixel + 1] as usize
+    }
+
+    /// The point with the largest share of the pixel in a column and a row of these rows; `None` for background.
+    pub fn main_point(&self, x: u32, row: u32) -> Option<usize> {
+        let range = self.of_pixel(row as usize * self.width as usize + x as usize);
+        (!range.is_empty()).then_some(range.start)
+    }
+
+    /// Number of rows.
+    pub fn height(&self) -> u32 {
+        self.rows.end - self.rows.start
+    }
+}
+
+/// What the rays through the middles of pixels met.
+struct Middles {
+    width: u32,
+    rows: Range<u32>,
+    points: Vec<Option<ShadingPoint>>,
+}
+
+impl Middles {
+    fn trace(view: &View, accel: &Accel, rows: Range<u32>) -> Result<Self> {
+        let width = view.width;
+        let count = width as usize * (rows.end - rows.start) as usize;
+        let mut points = vec![None; count];
+        points.par_chunks_mut(width as usize).zip(rows.clone().into_par_iter()).try_for_each(
+            |(row, y)| {
+                interrupt::check()?;
+                (0..width).zip(row).for_each(|(x, point)| *point = view.trace_middle(accel, x, y));
+                Ok(())
+            },
+        )?;
+        Ok(Self { width, rows, points })
+    }
+
+    /// Whether one of the four neighbours sees another surface.
+    fn on_edge(&self, view: &View, pixel: u32) -> bool {
+        let (x, row) = (pixel % self.width, pixel / self.width);
+        let own = self.points[pixel as usize].as_ref();
+        let differs = |x: u32, row: u32| {
+            let other = self.points.get((row * self.width + x) as usize).and_then(Option::as_ref);
+            match (own, other) {
+                (None, None) => false,
+                (Some(a), Some(b)) => !same_surface(a, b, view.footprint(a.position)),
+                _ => true,
+            }
+        };
+        let last_row = self.rows.end - self.rows.start - 1;
+        (x > 0 && differs(x - 1, row))
+            || (x + 1 < self.width && differs(x + 1, row))
+            || (row > 0 && differs(x, row - 1))
+            || (row < last_row && differs(x, row + 1))
+    }
+}
+
+/// Whether two points lie on one smooth surface of one material, as far as a pixel that is `footprint` wide can tell.
+fn same_surface(a: &ShadingPoint, b: &ShadingPoint, footprint: f32) -> bool {
+    let offset = b.position - a.position;
+    a.material == b.material
+        && a.black == b.black
+        && a.shading_normal.distance_squared(b.shading_normal) < EDGE_TURN * EDGE_TURN
+        && offset.dot(a.normal + b.normal).abs() < 2.0 * EDGE_STEP * footprint
+}
+
+/// All samples of a pixel, those on one surface taken together: the point that stands for them, and how many they are;
+/// the largest group first.
+fn group(view: &View, accel: &Accel, width: u32, first_row: u32, pixel: u32) -> Vec<(ShadingPoint, u32)> {
+    let (x, y) = (pixel % width, first_row + pixel / width);
+    let mut groups: Vec<Vec<ShadingPoint>> = Vec::new();
+    for point in (0..view.samples).filter_map(|sample| view.trace_sample(accel, x, y, sample)) {
+        let footprint = view.footprint(point.position);
+        match groups.iter_mut().find(|group| same_surface(&group[0], &point, footprint)) {
+            Some(group) => group.push(point),
+            None => groups.push(vec![point]),
+        }
+    }
+    groups.sort_by_key(|group| std::cmp::Reverse(group.len()));
+    groups.iter().map(|group| (representative(group), group.len() as u32)).collect()
+}
+
+/// The member nearest to the middle of a group; where all lie in one plane, moved there.
+fn representative(group: &[ShadingPoint]) -> ShadingPoint {
+    let mean = group.iter().map(|p| p.position).sum::<Vec3>() / group.len() as f32;
+    let distance = |p: &&ShadingPoint| p.position.distance_squared(mean);
+    let nearest = group.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    let mut point = *nearest.unwrap_or(&group[0]);
+    let flat = group.iter().all(|p| p.normal == point.normal && p.shading_normal == point.shading_normal);
+    if flat {
+        point.position = mean;
+    }
+    point
+}

@@ -74,7 +74,7 @@ fn with_cuts(
     batch_size: usize,
 ) -> Vec<Batch> {
     let cuts: Vec<Vec<Cut>> =
-        groups(sorted).par_chunks(LANES).map(|groups| cuts(groups, tree, settings)).collect();
+        groups(sorted, tree).par_chunks(LANES).map(|groups| cuts(groups, tree, settings)).collect();
     let mut batches = vec![Batch::default()];
     let mut first = 0;
     for (group, cut) in cuts.into_iter().flatten() {
@@ -115,13 +115,17 @@ fn cuts<'a>(groups: &[&'a [Receiver]], tree: &SurfelTree, settings: &CutSettings
         .collect()
 }
 
-/// Cuts the ordered receivers into runs of like normals.
-fn groups(sorted: &[Receiver]) -> Vec<&[Receiver]> {
+/// Cuts the ordered receivers into runs of like normals, none of them so scattered that cutting for all would be waste.
+fn groups<'a>(sorted: &'a [Receiver], tree: &SurfelTree) -> Vec<&'a [Receiver]> {
     let mut groups = Vec::with_capacity(sorted.len() / GROUP + 1);
     let mut rest = sorted;
     while let Some(first) = rest.first() {
         let like = rest.iter().take(GROUP).take_while(|r| r.normal.distance(first.normal) < MAX_TURN).count();
-        let (group, others) = rest.split_at(like.max(1));
+        let mut count = like.max(1);
+        while count > 1 && tree.surfels_among(&ReceiverBounds::new(&rest[..count])) > LONG_CUT as f32 {
+            count /= 2;
+        }
+        let (group, others) = rest.split_at(count);
         groups.push(group);
         rest = others;
     }

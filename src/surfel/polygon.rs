@@ -32,6 +32,13 @@ impl Polygon {
         &self.corners[..self.count]
     }
 
+    /// Its area.
+    pub fn area(&self) -> f32 {
+        let corners = self.corners();
+        let doubled = |(i, &from): (usize, &Vec2)| from.perp_dot(corners[(i + 1) % corners.len()]);
+        0.5 * corners.iter().enumerate().map(doubled).sum::<f32>().abs()
+    }
+
     /// Squared distance of the corner furthest from the origin.
     pub fn reach_squared(&self) -> f32 {
         self.corners().iter().map(|c| c.length_squared()).fold(0.0, f32::max)
@@ -86,7 +93,7 @@ mod tests {
         let quad = [(-1.0, -3.0), (1.0, -3.0), (1.0, 3.0), (-1.0, 3.0)].map(Vec2::from);
         let both = Polygon::new(quad).within(&Polygon::square(2.0));
         let furthest = both.corners().iter().fold(Vec2::ZERO, |far, corner| far.max(corner.abs()));
-        assert_eq!((both.corners().len(), furthest), (4, Vec2::new(1.0, 2.0)));
+        assert_eq!((both.corners().len(), furthest, both.area()), (4, Vec2::new(1.0, 2.0), 8.0));
         let away = [(3.0, 3.0), (4.0, 3.0), (3.0, 4.0)].map(Vec2::from);
         assert!(Polygon::new(away).within(&Polygon::square(2.0)).corners().is_empty());
     }

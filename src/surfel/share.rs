@@ -24,7 +24,7 @@ const TASK: usize = 256;
 /// Area and size of a surfel.
 #[derive(Debug, Clone, Copy)]
 pub struct Share {
-    /// Part of the patch's samples that lie nearest to it.
+    /// Part of the patch that lies nearest to it.
     pub fraction: f32,
     /// Radius, or distance from centre to vertex.
     pub radius: f32,
@@ -65,22 +65,24 @@ impl Measure<'_> {
     /// Share of each surfel: large enough for its whole cell and no larger. Cells are cut by the patch's elements if these are
     /// flat and that is asked for; if not, the samples tell where they end.
     pub fn shares(&self, surfels: &[Place], centres: &Centres, cut_by_elements: bool) -> Vec<Share> {
-        let radii = if cut_by_elements {
-            self.radii_by_elements(surfels, centres)
+        let sizes = if cut_by_elements {
+            self.sizes_by_elements(surfels, centres)
         } else {
-            self.radii_by_samples(surfels, centres)
+            self.sizes_by_samples(surfels, centres)
         };
-        let share = |(cell, radius): (&Cell, f32)| {
-            let fraction = cell.samples as f32 / self.counted as f32;
+        // What elements and curved cells overlap in the plane is a little; shares add up all the same.
+        let total: f64 = sizes.iter().map(|size| f64::from(size.area)).sum();
+        let share = |size: &Size| {
+            let fraction = (f64::from(size.area) / total) as f32;
             let least = of_area(fraction * self.surface.area as f32, self.shape);
-            Share { fraction, radius: (radius * OVERLAP).max(least) }
+            Share { fraction, radius: (size.radius * OVERLAP).max(least) }
         };
-        self.cells.iter().zip(radii).map(share).collect()
+        sizes.iter().map(share).collect()
     }
 
     /// Within the patch the cell is known exactly; at its edges, where the plane's Voronoi cell runs on, the samples tell
     /// how far it goes.
-    fn radii_by_samples(&self, surfels: &[Place], centres: &Centres) -> Vec<f32> {
+    fn sizes_by_samples(&self, surfels: &[Place], centres: &Centres) -> Vec<Size> {
         (&self.cells, surfels)
             .into_par_iter()
             .enumerate()
@@ -90,13 +92,14 @@ impl Measure<'_> {
                 let margin = self.margin(&cell);
                 let whole = centres.cell(surfel, cell.furthest + margin, LIKELY * cell.furthest);
                 let most = cell.widest * (1.0 + margin / cell.furthest.max(f32::MIN_POSITIVE));
-                self.widest(&whole).clamp(cell.widest, most)
+                let radius = self.widest(&whole).clamp(cell.widest, most);
+                Size { area: known.samples as f32, radius }
             })
             .collect()
     }
 
     /// Cells are cut by the elements themselves: no gap is left at the patch's edge, and no more overhang than it takes.
-    fn radii_by_elements(&self, surfels: &[Place], centres: &Centres) -> Vec<f32> {
+    fn sizes_by_elements(&self, surfels: &[Place], centres: &Centres) -> Vec<Size> {
         let caps: Vec<f32> = self.cells.iter().map(|cell| cell.furthest + 2.0 * self.margin(cell)).collect();
         let reach: Vec<f32> = caps.iter().map(|cap| cap * SQRT_2).collect();
         let near = centres.elements_near(self.surface, &reach);
@@ -106,12 +109,15 @@ impl Measure<'_> {
             .with_min_len(TASK)
             .map(|(i, (known, surfel, &cap))| {
                 let cell = centres.cell(surfel, cap, LIKELY * known.furthest);
-                let part = |&e: &u32| {
+                let mut size = Size { area: 0.0, radius: known.widest };
+                for &e in near.of(i) {
                     let corners = self.surface.elements[e as usize].corners();
                     let element = Polygon::new(corners.map(|c| flatten(&surfel.frame, c - surfel.position)));
-                    self.widest(&element.within(&cell))
-                };
-                near.of(i).iter().map(part).fold(known.widest, f32::max)
+                    let part = element.within(&cell);
+                    size.area += part.area();
+                    size.radius = size.radius.max(self.widest(&part));
+                }
+                size
             })
             .collect()
     }
@@ -126,6 +132,13 @@ impl Measure<'_> {
     fn widest(&self, polygon: &Polygon) -> f32 {
         polygon.corners().iter().map(|&corner| size(self.shape, corner)).fold(0.0, f32::max)
     }
+}
+
+/// A surfel's share of its patch, in any unit of area, and the size of what covers it.
+#[derive(Clone, Copy)]
+struct Size {
+    area: f32,
+    radius: f32,
 }
 
 /// What is known of a Voronoi cell from points within it.

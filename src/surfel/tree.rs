@@ -122,6 +122,12 @@ impl SurfelTree {
         self.area.len()
     }
 
+    /// About how many surfels lie among the receivers of a group that stands on a flat surface.
+    pub fn surfels_among(&self, group: &ReceiverBounds) -> f32 {
+        let whole = self.area[self.nodes[0].drawable as usize];
+        PI * group.radius * group.radius * self.surfels as f32 / whole
+    }
+
     /// What each drawable looks like: the surfels of the cloud, then clusters.
     pub fn splats(&self, cloud: &SurfelCloud) -> Vec<Splat> {
         let mut splats = Vec::with_capacity(self.drawables());

@@ -390,9 +390,8 @@ pub enum ClusterNode {
 }
 
 /// Clusters boxes (low, high) bottom up (PLOC, Meister and Bittner 2018).
-pub fn cluster(boxes: &[(Vec3, Vec3)]) -> ClusterTree {
-    let bounds: Vec<Bounds> =
-        boxes.iter().map(|&(low, high)| Bounds(Aabb::new(low.into(), high.into()))).collect();
+pub fn cluster(boxes: impl Iterator<Item = (Vec3, Vec3)>) -> ClusterTree {
+    let bounds: Vec<Bounds> = boxes.map(|(low, high)| Bounds(Aabb::new(low.into(), high.into()))).collect();
     let bvh = PlocBuilder::with_capacity(bounds.len()).build(
         PlocSearchDistance::Medium,
         &bounds,

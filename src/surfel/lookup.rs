@@ -129,6 +129,8 @@ fn spots<'a>(
 mod tests {
     use super::*;
     use crate::math::Rng;
+    use crate::progress::Reporter;
+    use crate::scene::topology::Edges;
     use crate::scene::{Material, SceneDescription, Shape};
     use crate::surfel::cloud::SurfelShape;
     use crate::surfel::generate::{Density, GenerateSettings, generate};
@@ -145,7 +147,14 @@ mod tests {
     fn lookup(accel: &Accel, surfels: u64, light: impl Fn(Vec3, Vec3) -> Vec3) -> RadianceLookup {
         let settings =
             GenerateSettings { density: Density::Count(surfels), shape: SurfelShape::Disc, seed: 1 };
-        let mut cloud = generate(accel.scene(), &ClosedTest::none(), &settings).expect("a cloud");
+        let mut cloud = generate(
+            accel.scene(),
+            &Edges::new(&accel.scene().triangles),
+            &ClosedTest::none(),
+            &settings,
+            &Reporter::default(),
+        )
+        .expect("a cloud");
         for i in 0..cloud.len() {
             cloud.radiance[i] = light(cloud.position[i], cloud.normal[i]);
             if accel.scene().has_two_sided() {
@@ -241,7 +250,14 @@ mod tests {
     fn surfaces_without_surfels_of_their_own_are_lit_like_what_is_near() {
         let accel = accel(vec![quad(0.0, 1.0), quad(0.3, 1.0)], false);
         let settings = GenerateSettings { density: Density::Count(400), shape: SurfelShape::Disc, seed: 1 };
-        let mut cloud = generate(accel.scene(), &ClosedTest::none(), &settings).expect("a cloud");
+        let mut cloud = generate(
+            accel.scene(),
+            &Edges::new(&accel.scene().triangles),
+            &ClosedTest::none(),
+            &settings,
+            &Reporter::default(),
+        )
+        .expect("a cloud");
         cloud.radiance.fill(Vec3::ONE);
         // Only the first sheet's surfels.
         let half = cloud.primitive.iter().filter(|&&p| p < 2).count();

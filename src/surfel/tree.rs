@@ -7,8 +7,9 @@ use super::cloud::{FLAG_CULL_BACK, Splat, SurfelCloud, SurfelShape};
 use crate::accel::{ClusterNode, cluster};
 use crate::hemicube::frame::Receiver;
 use crate::lanes::{self, F32x8, LANES, LaneTask, Mask8, dot, sub, vector};
+use bytemuck::Zeroable;
 use glam::Vec3;
-use std::f32::consts::PI;
+use std::f32::consts::{PI, SQRT_2};
 
 /// Radius of a cluster's disc over the square root of its projected area: discs on a regular pattern cover the plane from
 /// 0.71 (square) on.
@@ -16,6 +17,8 @@ const CLUSTER_RADIUS: f32 = 0.75;
 /// How far surfels are moved along their normals before clustering, in scene sizes: only like normals then stand together.
 /// Less than 1 would bring the opposite walls of a room together instead.
 const NORMAL_SPREAD: f32 = 2.0;
+/// What rises less than this above a receiver's plane is in it: more than the rounding of coordinates, scene units.
+const COPLANAR: f32 = 4e-7;
 /// Normals that differ more than this from their cluster's mean (length of the difference) are not drawn as one disc.
 const MAX_NORMAL_DEVIATION: f32 = 0.5;
 
@@ -28,6 +31,8 @@ struct Node {
     centre: Vec3,
     /// Radius about `centre` that holds all discs below.
     bound: f32,
+    /// Greatest distance of any point of the discs below from the node's plane.
+    thickness: f32,
     normal: Vec3,
     /// Length of the mean of the unit normals below: 1 when all are alike.
     agreement: f32,
@@ -48,8 +53,6 @@ pub struct SurfelTree {
     nodes: Vec<Node>,
     /// Surface of each drawable.
     area: Vec<f32>,
-    /// What each drawable looks like: surfels first, then clusters.
-    pub splats: Vec<Splat>,
     surfels: usize,
 }
 
@@ -58,6 +61,8 @@ pub struct SurfelTree {
 pub struct ReceiverBounds {
     centre: Vec3,
     radius: f32,
+    /// Greatest distance of a receiver from the plane through `centre` across `normal`.
+    thickness: f32,
     normal: Vec3,
     deviation: f32,
     /// Whether some receiver must see culled backs.
@@ -74,6 +79,7 @@ impl ReceiverBounds {
         Self {
             centre,
             radius: greatest(&|r| r.position.distance(centre)),
+            thickness: greatest(&|r| (r.position - centre).dot(normal).abs()),
             normal,
             deviation: greatest(&|r| r.normal.distance(normal)),
             inside: receivers.iter().any(|r| r.flags != 0),
@@ -93,19 +99,14 @@ pub struct CutSettings {
 impl SurfelTree {
     /// Builds the hierarchy over a cloud of at least one surfel.
     pub fn new(cloud: &SurfelCloud) -> Self {
-        let boxes: Vec<(Vec3, Vec3)> = (0..cloud.len())
-            .map(|i| {
-                let centre = cloud.position[i] + cloud.normal[i] * NORMAL_SPREAD;
-                (centre - cloud.radius[i], centre + cloud.radius[i])
-            })
-            .collect();
-        let shape = cluster(&boxes).nodes;
-        let mut tree = Self {
-            nodes: vec![Node::default(); shape.len()],
-            area: cloud.area.clone(),
-            splats: cloud.splats(),
-            surfels: cloud.len(),
-        };
+        let boxes = (0..cloud.len()).map(|i| {
+            let centre = cloud.position[i] + cloud.normal[i] * NORMAL_SPREAD;
+            (centre - cloud.radius[i], centre + cloud.radius[i])
+        });
+        let shape = cluster(boxes).nodes;
+        let mut area = Vec::with_capacity(shape.len());
+        area.extend_from_slice(&cloud.area);
+        let mut tree = Self { nodes: vec![Node::default(); shape.len()], area, surfels: cloud.len() };
         // Children stand behind their parents: from the back, every child is ready before its parent.
         for i in (0..shape.len()).rev() {
             tree.nodes[i] = match shape[i] {
@@ -118,7 +119,29 @@ impl SurfelTree {
 
     /// Number of drawables: surfels and clusters.
     pub fn drawables(&self) -> usize {
-        self.splats.len()
+        self.area.len()
+    }
+
+    /// About how many surfels lie among the receivers of a group that stands on a flat surface.
+    pub fn surfels_among(&self, group: &ReceiverBounds) -> f32 {
+        let whole = self.area[self.nodes[0].drawable as usize];
+        PI * group.radius * group.radius * self.surfels as f32 / whole
+    }
+
+    /// What each drawable looks like: the surfels of the cloud, then clusters.
+    pub fn splats(&self, cloud: &SurfelCloud) -> Vec<Splat> {
+        let mut splats = Vec::with_capacity(self.drawables());
+        splats.extend((0..cloud.len()).map(|i| cloud.splat(i)));
+        splats.resize(self.drawables(), Splat::zeroed());
+        for node in self.nodes.iter().filter(|node| node.child != 0) {
+            splats[node.drawable as usize] = Splat {
+                position: node.centre.to_array(),
+                radius: node.radius,
+                normal: node.normal.to_array(),
+                flags: node.flags,
+            };
+        }
+        splats
     }
 
     /// Appends to the surfels' values those of the clusters: means weighted by area.
@@ -158,21 +181,22 @@ impl SurfelTree {
         let radius = disc_radius(area * agreement, shape);
         let reach = |n: &Node| n.centre.distance(centre) + n.bound;
         let turn = |n: &Node| n.normal.distance(normal) + n.deviation;
-        let node = Node {
+        let height = |n: &Node| {
+            (n.centre - centre).dot(normal).abs() + n.thickness + n.bound * n.normal.distance(normal).min(1.0)
+        };
+        self.area.push(area);
+        Node {
             centre,
             bound: reach(&a).max(reach(&b)).max(radius),
+            thickness: height(&a).max(height(&b)),
             normal,
             agreement,
             deviation: turn(&a).max(turn(&b)),
             radius,
             child,
-            drawable: self.splats.len() as u32,
+            drawable: self.area.len() as u32 - 1,
             flags: a.flags & b.flags,
-        };
-        let flags = node.flags;
-        self.splats.push(Splat { position: centre.to_array(), radius, normal: normal.to_array(), flags });
-        self.area.push(area);
-        node
+        }
     }
 }
 
@@ -181,6 +205,7 @@ fn leaf(cloud: &SurfelCloud, surfel: u32) -> Node {
     Node {
         centre: cloud.position[i],
         bound: cloud.radius[i],
+        thickness: 0.0,
         normal: cloud.normal[i],
         agreement: 1.0,
         deviation: 0.0,
@@ -244,8 +269,11 @@ fn push(cuts: &mut [Vec<u32>; LANES], mut bits: u32, drawable: u32) {
 struct EightGroups<F> {
     centre: [F; 3],
     radius: F,
+    thickness: F,
     normal: [F; 3],
     deviation: F,
+    /// What is lower than this over its distance from a receiver lies below all pixels.
+    grazing: F,
     /// Groups for which nothing may be culled from behind, one bit each.
     inside: u32,
     /// A node may be drawn as one disc when its radius over its distance is below this.
@@ -256,11 +284,11 @@ impl<F: F32x8> EightGroups<F> {
     #[inline(always)]
     fn new(groups: &[ReceiverBounds], settings: &CutSettings) -> Self {
         // Lanes without a group are never asked for.
-        let mut lanes = [[0.0; LANES]; 8];
+        let mut lanes = [[0.0; LANES]; 9];
         let mut inside = 0;
         for (i, group) in groups.iter().take(LANES).enumerate() {
             let (c, n) = (group.centre, group.normal);
-            let values = [c.x, c.y, c.z, n.x, n.y, n.z, group.radius, group.deviation];
+            let values = [c.x, c.y, c.z, n.x, n.y, n.z, group.radius, group.deviation, group.thickness];
             lanes.iter_mut().zip(values).for_each(|(lane, value)| lane[i] = value);
             inside |= u32::from(group.inside) << i;
         }
@@ -269,27 +297,41 @@ impl<F: F32x8> EightGroups<F> {
             normal: [F::load(&lanes[3]), F::load(&lanes[4]), F::load(&lanes[5])],
             radius: F::load(&lanes[6]),
             deviation: F::load(&lanes[7]),
+            thickness: F::load(&lanes[8]),
+            // The lowest rays go through the middles of the lowest pixels, those in the corners by this much above the
+            // horizon: height / horizontal distance = (1 / resolution) / sqrt 2 = t, and t / (1 + t) <= height / distance.
+            grazing: F::splat(1.0 / (1.0 + SQRT_2 * settings.resolution as f32)),
             inside,
             // A cluster of radius r at distance d spans 2 r / d of a face that is 2 wide and `resolution` pixels across.
             limit: F::splat(settings.lod / settings.resolution as f32),
         }
     }
 
-    /// Groups of which no receiver can see anything of the node: it is below all horizons, or shows only culled backs.
+    /// Groups of which no receiver can see anything of the node: it is below the pixels of all, or shows only culled backs.
     #[inline(always)]
     fn cannot_see(&self, node: &Node) -> u32 {
-        let (zero, one) = (F::splat(0.0), F::splat(1.0));
         let to_node = self.to(node);
         let distance = dot(to_node, to_node).sqrt();
-        let reach = F::splat(node.bound) + self.radius;
-        let height = dot(to_node, self.normal) + distance * self.deviation + reach * (one + self.deviation);
-        let below = zero.gt(height).bits();
+        let (bound, thickness) = (F::splat(node.bound), F::splat(node.thickness));
+        // At least the sine of the angle between the normals; exact to rounding where they are alike.
+        let across = sub(vector(node.normal), self.normal);
+        let chord_squared = dot(across, across);
+        let sine =
+            chord_squared.min(F::splat(4.0) - chord_squared).max(F::splat(0.0)).sqrt().min(F::splat(1.0));
+        let reach = distance + bound + self.radius;
+        let top =
+            dot(to_node, self.normal) + thickness + self.thickness + bound * sine + reach * self.deviation;
+        let nearest = distance - bound - self.radius;
+        let below = (nearest * self.grazing).max(F::splat(COPLANAR)).gt(top).bits();
         if node.flags & FLAG_CULL_BACK == 0 {
             return below;
         }
-        let deviation = F::splat(node.deviation);
-        let behind = dot(to_node, vector(node.normal)) - distance * deviation - reach * (one + deviation);
-        below | behind.gt(zero).bits() & !self.inside
+        let lowest = dot(to_node, vector(node.normal))
+            - thickness
+            - self.thickness
+            - self.radius * sine
+            - reach * F::splat(node.deviation);
+        below | lowest.gt(F::splat(0.0)).bits() & !self.inside
     }
 
     /// Groups for every receiver of which the node may be drawn as one disc.

@@ -101,12 +101,12 @@ fn nearest_of(samples: &[Sample], near: &[Near]) -> Nearest {
     for centre in near {
         let ([x, y, z], slot) = (centre.position.to_array(), centre.slot as u32);
         // Without branches, so that several samples are compared at a time.
-        for i in 0..BLOCK {
+        for (i, (least, nearest)) in best.distance.iter_mut().zip(&mut best.slot).enumerate() {
             let (dx, dy, dz) = (at[0][i] - x, at[1][i] - y, at[2][i] - z);
             let distance = dx * dx + dy * dy + dz * dz;
-            let nearer = distance < best.distance[i];
-            best.distance[i] = if nearer { distance } else { best.distance[i] };
-            best.slot[i] = if nearer { slot } else { best.slot[i] };
+            let nearer = distance < *least;
+            *least = if nearer { distance } else { *least };
+            *nearest = if nearer { slot } else { *nearest };
         }
     }
     best

@@ -212,8 +212,9 @@ mod tests {
             // The backs of one-sided quads are black, so only fronts are asked for.
             let light = |p: Vec3, n: Vec3| if n.z < -0.99 { Vec3::ZERO } else { even(p, n) };
             let worst = worst(&accel, &lookup(&accel, 2000, light), light);
-            // A spacing is 0.04; few surfels lie around a corner.
-            assert!(worst < 0.01, "off by {worst}");
+            // A spacing is 0.04, and light changes by 1 a unit: where few surfels but the row along an edge are within reach, it
+            // may be that of half a spacing away.
+            assert!(worst < 0.025, "off by {worst}");
         }
     }
 

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// Edge of a tile, pixels.
-const TILE: u32 = 16;
+const TILE: u32 = 8;
 /// Where predictions of records from their neighbours are wrong, records reach this much less far.
 const SHRINK: f32 = 0.5;
 /// Mean errors above so many times the median of all are more than the gathers' noise.

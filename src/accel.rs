@@ -43,6 +43,20 @@ pub struct Hit {
     pub front: bool,
 }
 
+/// Where a ray first meets a surface, as a point of the primitive: what a radiance lookup needs, found faster than a [`Hit`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfacePoint {
+    /// Distance along the ray's direction, in lengths of that direction.
+    pub t: f32,
+    /// Which primitive.
+    pub primitive: PrimitiveId,
+    /// Whether the ray met the front side.
+    pub front: bool,
+    /// Barycentric coordinates of a triangle's second and third corner, then 0; on a sphere or cuboid, the point in object
+    /// space.
+    pub local: Vec3,
+}
+
 /// A triangle prepared for intersection.
 #[derive(Debug, Clone, Copy)]
 struct Tri {
@@ -104,6 +118,14 @@ impl Accel {
         })
     }
 
+    /// The same surface as [`Accel::closest_hit`] finds, as a point of its primitive.
+    pub fn closest_point(&self, origin: Vec3, direction: Vec3, tmax: f32) -> Option<SurfacePoint> {
+        let ray = ray(origin, direction, tmax);
+        let mut found = RayHit::none();
+        let hit = self.bvh.ray_traverse(ray, &mut found, |ray, i| self.intersect(ray, i));
+        hit.then(|| self.surface_point(&ray, found.primitive_id as usize, found.t))
+    }
+
     /// The primitive of the nearest surface with `0 < t < tmax`.
     pub fn first_primitive(&self, origin: Vec3, direction: Vec3, tmax: f32) -> Option<PrimitiveId> {
         let mut found = RayHit::none();
@@ -133,6 +155,26 @@ impl Accel {
             Located::Sphere(i) => intersect_sphere(&self.scene.spheres[i], ray),
             Located::Cuboid(i) => intersect_cuboid(&self.scene.cuboids[i], ray),
         }
+    }
+
+    fn surface_point(&self, ray: &Ray, leaf: usize, t: f32) -> SurfacePoint {
+        let primitive = self.leaves[leaf];
+        let (front, local) = match self.scene.locate(primitive) {
+            Located::Triangle(_) => {
+                let tri = &self.triangles[leaf];
+                let (u, v) = barycentrics(tri, ray);
+                (tri.e1.cross(tri.e2).dot(ray.direction) < 0.0, Vec3::new(u, v, 0.0))
+            }
+            Located::Sphere(i) => {
+                let (point, direction) = in_object_space(&self.scene.spheres[i], ray, t);
+                (point.dot(direction) < 0.0, point.into())
+            }
+            Located::Cuboid(i) => {
+                let (point, direction) = in_object_space(&self.scene.cuboids[i], ray, t);
+                (cuboid_normal(point).dot(direction) < 0.0, point.into())
+            }
+        };
+        SurfacePoint { t: t * SHORTEN, primitive, front, local }
     }
 
     /// Position and normals of a hit that traversal found at distance `t` along the shortened ray.
@@ -295,6 +337,12 @@ fn nearest_after(tmin: f32, first: f32, second: f32) -> f32 {
     }
 }
 
+/// The ray's point at distance `t` and its direction. Whether a ray meets a front is the same in object space.
+fn in_object_space(q: &Quadric, ray: &Ray, t: f32) -> (Vec3A, Vec3A) {
+    let point = q.to_object.transform_point3a(ray.origin + ray.direction * t);
+    (point, q.to_object.transform_vector3a(ray.direction))
+}
+
 fn sphere_surface(q: &Quadric, at: Vec3A) -> (Vec3A, Vec3A) {
     let o = q.to_object.transform_point3a(at).normalize();
     (q.to_scene.transform_point3a(o), object_normal(q, o))
@@ -302,12 +350,17 @@ fn sphere_surface(q: &Quadric, at: Vec3A) -> (Vec3A, Vec3A) {
 
 fn cuboid_surface(q: &Quadric, at: Vec3A) -> (Vec3A, Vec3A) {
     let o = q.to_object.transform_point3a(at);
+    let n = cuboid_normal(o);
+    let snapped = Vec3A::select(n.cmpne(Vec3A::ZERO), n, o.clamp(-Vec3A::ONE, Vec3A::ONE));
+    (q.to_scene.transform_point3a(snapped), object_normal(q, n))
+}
+
+/// Outward normal of the face of [-1, 1]^3 that a point lies on, object space.
+fn cuboid_normal(o: Vec3A) -> Vec3A {
     let axis = o.abs().max_position();
     let mut n = Vec3A::ZERO;
     n[axis] = 1f32.copysign(o[axis]);
-    let mut snapped = o.clamp(-Vec3A::ONE, Vec3A::ONE);
-    snapped[axis] = n[axis];
-    (q.to_scene.transform_point3a(snapped), object_normal(q, n))
+    n
 }
 
 /// Normals transform by the inverse transpose.

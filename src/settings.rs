@@ -3,6 +3,7 @@
 pub use crate::direct::Emitters;
 use crate::gather::device::DeviceRequest;
 pub use crate::gather::monte_carlo::Bounces;
+use crate::gather::traced;
 pub use crate::gather::vulkan::BatchSize;
 use crate::surfel::cloud::SurfelShape;
 
@@ -12,10 +13,22 @@ pub enum GatherMethod {
     /// Surfels drawn into hemicubes.
     #[default]
     Hemicube,
+    /// Stratified cosine-weighted rays, each hit looked up among the surfels.
+    Traced,
     /// Stratified cosine-weighted rays, each hit shaded anew: the referee.
     MonteCarlo,
     /// No indirect light.
     None,
+}
+
+impl GatherMethod {
+    /// Rays a gather unless the user says otherwise.
+    pub fn default_samples(self) -> u32 {
+        match self {
+            Self::Traced => traced::DEFAULT_SAMPLES,
+            Self::Hemicube | Self::MonteCarlo | Self::None => 256,
+        }
+    }
 }
 
 /// Relative change of the brightest surfel at which infinite bounces end.
@@ -80,7 +93,7 @@ pub struct Settings {
     pub emitters: Emitters,
     /// Shadow rays a light and shading point.
     pub light_samples: u32,
-    /// Rays a Monte Carlo gather.
+    /// Rays a traced or Monte Carlo gather.
     pub gather_samples: u32,
     /// Hemicubes a batch.
     pub batch: BatchSize,

@@ -4,9 +4,10 @@ use crate::accel::Accel;
 use crate::direct::Lights;
 use crate::error::Result;
 use crate::gather::Gatherer;
-use crate::gather::create::{choose_device, create};
+use crate::gather::create::{Surfels, choose_device, create};
 use crate::gather::device::{Choice, Chosen};
 use crate::gather::order::{Ordered, order};
+use crate::gather::traced::{TracedSettings, form_factors};
 use crate::gather::vulkan::list_devices;
 use crate::hemicube::convolve::Convolver;
 use crate::hemicube::frame::{RECEIVER_INSIDE, Receiver};
@@ -20,6 +21,7 @@ use crate::surfel::closed::ClosedTest;
 use crate::surfel::cloud::SurfelCloud;
 use crate::surfel::drawable::Drawables;
 use crate::surfel::generate::{Density, GenerateSettings, generate};
+use crate::surfel::lookup::{RadianceLookup, SideLookup};
 use crate::surfel::shade::{ShadeSettings, shade};
 use crate::surfel::transfer::{Transfer, reflecting_sides, side_frame};
 use crate::surfel::tree::{CutSettings, SurfelTree};
@@ -41,6 +43,8 @@ pub struct World {
     pub tree: Option<SurfelTree>,
     /// What a gather draws: surfels and clusters, with their light.
     pub drawables: Drawables,
+    /// The light that surfaces send, for rays to look up; where the gather method draws nothing.
+    pub lookup: Option<RadianceLookup>,
     /// Pixel weights of the hemicube.
     pub weights: Weights,
     /// What gathers, and why that.
@@ -64,23 +68,42 @@ impl World {
             cloud: SurfelCloud::default(),
             tree: None,
             drawables: Drawables::default(),
+            lookup: None,
             weights: Weights::new(settings.face_resolution),
             device: choose_device(settings)?,
             closed: ClosedTest::none(),
         };
         run.reporter.info(&format!("device: {} ({})", world.device.name, world.device.reason));
         run.reporter.verbose(|| format!("features: {}", world.scene.features().join(", ")));
-        if settings.gather == GatherMethod::Hemicube {
-            world.closed = run.clock.time(Stage::Surfels, || ClosedTest::new(&world.scene, &world.accel));
-            world.cloud = run.clock.time(Stage::Surfels, || world.surfels(cloud, settings))?;
-            world.tree =
-                run.clock.time(Stage::Tree, || (settings.lod > 0.0).then(|| SurfelTree::new(&world.cloud)));
-            world.drawables = Drawables::new(&world.cloud, world.tree.as_ref());
-            world.drawables.enclosing = world.closed.encloses();
-            run.reporter.verbose(|| world.surfels_in_words(settings));
-            world.bounce(settings, run)?;
+        match settings.gather {
+            GatherMethod::Hemicube => world.prepare_drawing(cloud, settings, run)?,
+            GatherMethod::Traced => world.prepare_tracing(cloud, settings, run)?,
+            GatherMethod::MonteCarlo | GatherMethod::None => {}
         }
         Ok(world)
+    }
+
+    fn prepare_drawing(&mut self, cloud: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<()> {
+        self.closed = run.clock.time(Stage::Surfels, || ClosedTest::new(&self.scene, &self.accel));
+        self.cloud = run.clock.time(Stage::Surfels, || self.surfels(cloud, settings))?;
+        self.tree =
+            run.clock.time(Stage::Tree, || (settings.lod > 0.0).then(|| SurfelTree::new(&self.cloud)));
+        self.drawables = Drawables::new(&self.cloud, self.tree.as_ref());
+        self.drawables.enclosing = self.closed.encloses();
+        run.reporter.verbose(|| self.surfels_in_words(settings));
+        self.bounce(settings, run)
+    }
+
+    /// Rays see true surfaces: which surfels could be culled, and the tree, do not matter to them.
+    fn prepare_tracing(&mut self, cloud: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<()> {
+        self.cloud = run.clock.time(Stage::Surfels, || self.surfels(cloud, settings))?;
+        self.bounce(settings, run)?;
+        let lookup = run.clock.time(Stage::Surfels, || RadianceLookup::new(&self.scene, &self.cloud));
+        run.reporter.verbose(|| {
+            format!("{} surfels, looked up in {} kB", self.cloud.len(), lookup.bytes().div_ceil(1000))
+        });
+        self.lookup = Some(lookup);
+        Ok(())
     }
 
     fn surfels(&self, given: Option<SurfelCloud>, settings: &Settings) -> Result<SurfelCloud> {
@@ -128,6 +151,9 @@ impl World {
             }
         }
         self.drawables.relight(&self.cloud, self.tree.as_ref());
+        if let Some(lookup) = &mut self.lookup {
+            *lookup = RadianceLookup::new(&self.scene, &self.cloud);
+        }
     }
 
     fn surfels_in_words(&self, settings: &Settings) -> String {
@@ -148,6 +174,13 @@ impl World {
                 self.receiver(position, normal, hash32(side ^ hash32(settings.seed)))
             })
             .collect();
+        if settings.gather == GatherMethod::Traced {
+            // Traced rows suit traced gathers: they need no tree, and what they see is exact.
+            let rays = TracedSettings { samples: settings.gather_samples, seed: settings.seed };
+            let lookup = SideLookup::new(&self.scene, &self.cloud);
+            let rows = form_factors(&self.accel, &lookup, rays, &receivers)?;
+            return Ok(Transfer::from_rows(sides, rows));
+        }
         let mut gatherer = self.gatherer(settings)?;
         let ordered = self.order(&receivers, settings, gatherer.batch_size());
         Transfer::gather(sides, ordered, &self.drawables, &self.weights, gatherer.as_mut(), run)
@@ -191,7 +224,8 @@ impl World {
     /// # Errors
     /// When the device is not there or fails.
     pub fn gatherer(&self, settings: &Settings) -> Result<Box<dyn Gatherer + '_>> {
-        create(self.device.device, &self.accel, &self.lights, &self.drawables, settings)
+        let surfels = Surfels { drawables: &self.drawables, lookup: self.lookup.as_ref() };
+        create(self.device.device, &self.accel, &self.lights, surfels, settings)
     }
 }
 

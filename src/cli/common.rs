@@ -99,9 +99,9 @@ pub struct TransportArgs {
     #[arg(long, value_name = "S", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub light_samples: u32,
 
-    /// Rays of a Monte Carlo gather
-    #[arg(long, value_name = "S", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
-    pub gather_samples: u32,
+    /// Rays of a traced or Monte Carlo gather [default: 64 traced, 256 Monte Carlo]
+    #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
+    pub gather_samples: Option<u32>,
 
     /// Hemicubes a batch
     #[arg(long, value_name = "N|auto", default_value = "auto")]
@@ -179,7 +179,7 @@ impl TransportArgs {
             bounces: self.bounces,
             emitters: Emitters::Sample,
             light_samples: self.light_samples,
-            gather_samples: self.gather_samples,
+            gather_samples: self.gather_samples.unwrap_or(self.gather.default_samples()),
             batch: self.batch,
             frames_in_flight: self.frames_in_flight,
             seed: self.seed,

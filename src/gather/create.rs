@@ -4,12 +4,14 @@ use super::Gatherer;
 use super::cpu::{CpuGatherer, CpuSettings};
 use super::device::{Choice, Chosen, choose};
 use super::monte_carlo::{MonteCarloGatherer, MonteCarloSettings};
+use super::traced::{TracedGatherer, TracedSettings};
 use super::vulkan::{BatchSize, VulkanGatherer, VulkanSettings};
 use crate::accel::Accel;
 use crate::direct::Lights;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::settings::{GatherMethod, Settings};
 use crate::surfel::drawable::Drawables;
+use crate::surfel::lookup::RadianceLookup;
 
 /// Batch of the software rasteriser: large enough to share among threads, small enough to stay in the cache.
 const CPU_BATCH: usize = 256;
@@ -21,10 +23,19 @@ const CPU_BATCH: usize = 256;
 pub fn choose_device(settings: &Settings) -> Result<Choice> {
     match settings.gather {
         GatherMethod::Hemicube => choose(&settings.device),
-        GatherMethod::MonteCarlo | GatherMethod::None => {
+        GatherMethod::Traced | GatherMethod::MonteCarlo | GatherMethod::None => {
             Ok(Choice { device: Chosen::Cpu, name: "cpu".into(), reason: "rays run on the CPU".into() })
         }
     }
+}
+
+/// The surfels as gatherers see them.
+#[derive(Clone, Copy)]
+pub struct Surfels<'a> {
+    /// To be drawn into hemicubes.
+    pub drawables: &'a Drawables,
+    /// To be looked up where a ray meets a surface.
+    pub lookup: Option<&'a RadianceLookup>,
 }
 
 /// Makes the gatherer.
@@ -35,9 +46,10 @@ pub fn create<'a>(
     device: Chosen,
     accel: &'a Accel,
     lights: &'a Lights,
-    drawables: &Drawables,
+    surfels: Surfels<'a>,
     settings: &Settings,
 ) -> Result<Box<dyn Gatherer + 'a>> {
+    let Surfels { drawables, lookup } = surfels;
     let resolution = settings.face_resolution;
     let frames_in_flight = settings.frames_in_flight;
     Ok(match (settings.gather, device) {
@@ -46,6 +58,11 @@ pub fn create<'a>(
             let (emitters, seed) = (settings.emitters, settings.seed);
             let rays = MonteCarloSettings { samples, bounces, emitters, seed };
             Box::new(MonteCarloGatherer::new(accel, lights, rays))
+        }
+        (GatherMethod::Traced, _) => {
+            let missing = || Error::Failed("a traced gather needs a world prepared for it".into());
+            let rays = TracedSettings { samples: settings.gather_samples, seed: settings.seed };
+            Box::new(TracedGatherer::new(accel, lookup.ok_or_else(missing)?, rays))
         }
         (GatherMethod::Hemicube, Chosen::Cpu) => {
             let batch = match settings.batch {

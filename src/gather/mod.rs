@@ -6,6 +6,7 @@ pub mod device;
 pub mod monte_carlo;
 pub mod order;
 pub mod stage;
+pub mod traced;
 pub mod vulkan;
 
 use crate::error::{Error, Result};

@@ -1,5 +1,6 @@
 //! Surfels: the directly lit surfaces as a cloud of small discs (or the thesis's triangles).
 
+pub mod chart;
 pub mod closed;
 pub mod cloud;
 pub mod drawable;
@@ -8,8 +9,10 @@ mod eliminate;
 pub mod file;
 pub mod generate;
 mod kdtree;
+pub mod lookup;
 mod patch;
 pub mod ply;
+mod reconstruct;
 mod sample;
 pub mod shade;
 mod share;

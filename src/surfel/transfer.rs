@@ -72,6 +72,12 @@ impl Transfer {
         Ok(transfer)
     }
 
+    /// Form factors found in any other way: for each of `sides` those to other sides, in any order, and to the background.
+    pub fn from_rows(sides: Vec<u32>, rows: Vec<(Vec<(u32, f32)>, f32)>) -> Self {
+        let (rows, background): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
+        Self { rows: rows.into_par_iter().map(merge).collect(), background, sides }
+    }
+
     /// Adds `bounces` reflections to the radiance that the cloud holds (its light before any of them), or fewer when the
     /// relative change falls below `tolerance`. Returns how many were made.
     ///
@@ -162,7 +168,18 @@ fn row(
             }
         }
     });
-    entries.sort_unstable_by_key(|&(side, _)| side);
+    let mut merged = merge(entries);
+    let factor = convolver.gap_factor(receiver, background);
+    if factor > 1.0 {
+        merged.iter_mut().for_each(|(_, form_factor)| *form_factor *= factor);
+        background = 0.0;
+    }
+    (merged, background)
+}
+
+/// Sorts a row by side and adds what belongs to the same one.
+fn merge(mut entries: Vec<(u32, f32)>) -> Vec<(u32, f32)> {
+    entries.sort_by_key(|&(side, _)| side);
     let mut merged: Vec<(u32, f32)> = Vec::with_capacity(entries.len());
     for (side, weight) in entries {
         match merged.last_mut() {
@@ -171,10 +188,5 @@ fn row(
         }
     }
     merged.shrink_to_fit();
-    let factor = convolver.gap_factor(receiver, background);
-    if factor > 1.0 {
-        merged.iter_mut().for_each(|(_, form_factor)| *form_factor *= factor);
-        background = 0.0;
-    }
-    (merged, background)
+    merged
 }

@@ -1,0 +1,173 @@
+//! Gathers by rays whose hits are looked up among the surfels: no hemicube, no level of detail, exact visibility.
+//!
+//! The directions of a receiver's rays are one of a few prepared sets, turned about its normal: a set is stratified by Sobol's
+//! sequence and sorted so that one ray leaves near the one before.
+
+use super::{Batch, Estimate, Gathered, Gatherer, Output};
+use crate::accel::{Accel, RAY_OFFSET, SurfacePoint, offset_origin};
+use crate::direct::sequence::Sequence;
+use crate::error::Result;
+use crate::hemicube::frame::Receiver;
+use crate::interrupt;
+use crate::math::{cosine_hemisphere, hash32};
+use crate::surfel::lookup::{RadianceLookup, SideLookup};
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use std::f64::consts::PI;
+
+/// Rays a receiver unless the user says otherwise.
+pub const DEFAULT_SAMPLES: u32 = 64;
+
+/// Receivers a batch: enough to keep many cores busy, few enough for steady progress.
+const BATCH: usize = 1024;
+
+/// Directions in all prepared sets together, about: they stay in a core's cache.
+const DIRECTIONS: u32 = 8192;
+
+/// Rays that are summed in single precision.
+const RUN: usize = 256;
+
+/// What a [`TracedGatherer`] does for every receiver.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TracedSettings {
+    /// Rays a receiver; powers of two are stratified best. 0 counts as 1.
+    pub samples: u32,
+    /// Seed; each receiver adds its own.
+    pub seed: u32,
+}
+
+/// Gathers by tracing rays to the surfels.
+pub struct TracedGatherer<'a> {
+    accel: &'a Accel,
+    lookup: &'a RadianceLookup,
+    rays: RaySets,
+    finished: Option<Gathered>,
+}
+
+impl<'a> TracedGatherer<'a> {
+    /// A gatherer for the scene of `accel`, whose surfaces send what `lookup` says.
+    pub fn new(accel: &'a Accel, lookup: &'a RadianceLookup, settings: TracedSettings) -> Self {
+        Self { accel, lookup, rays: RaySets::new(settings), finished: None }
+    }
+
+    /// Irradiance at a receiver: a function of the settings and of the receiver (its seed included) alone.
+    pub fn estimate(&self, receiver: &Receiver) -> Estimate {
+        let background = self.accel.scene().background;
+        let (mut total, mut closeness) = (DVec3::ZERO, 0.0);
+        let rays = self.rays.of(receiver);
+        for run in rays.chunks(RUN) {
+            let (mut sum, mut close) = (Vec3::ZERO, 0.0);
+            trace(self.accel, receiver, run, |hit| match hit {
+                Some(hit) => {
+                    sum += self.lookup.radiance(&hit);
+                    close += 1.0 / hit.t.max(RAY_OFFSET);
+                }
+                None => sum += background,
+            });
+            total += sum.as_dvec3();
+            closeness += f64::from(close);
+        }
+        let rays = rays.len() as f64;
+        Estimate { irradiance: (total * (PI / rays)).as_vec3(), closeness: (closeness / rays) as f32 }
+    }
+}
+
+impl Gatherer for TracedGatherer<'_> {
+    fn batch_size(&self) -> usize {
+        BATCH
+    }
+
+    fn frames_in_flight(&self) -> usize {
+        1
+    }
+
+    fn submit(&mut self, batch: Batch) -> Result<()> {
+        assert!(self.finished.is_none(), "finish the batch under way before submitting another");
+        let estimate = |receiver| interrupt::check().map(|()| self.estimate(receiver));
+        let receivers = batch.receivers.par_iter().with_min_len(8);
+        let estimates = receivers.map(estimate).collect::<Result<_>>()?;
+        self.finished = Some(Gathered { batch, output: Output::Estimates(estimates) });
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<Option<Gathered>> {
+        Ok(self.finished.take())
+    }
+}
+
+/// Form factors from receivers to the sides of surfels, each estimated by the share of rays that meets the side, and to the
+/// background.
+///
+/// # Errors
+/// When the user interrupts.
+pub fn form_factors(
+    accel: &Accel,
+    lookup: &SideLookup,
+    settings: TracedSettings,
+    receivers: &[Receiver],
+) -> Result<Vec<(Vec<(u32, f32)>, f32)>> {
+    let rays = RaySets::new(settings);
+    let row = |receiver: &Receiver| {
+        interrupt::check()?;
+        let rays = rays.of(receiver);
+        let share = 1.0 / rays.len() as f32;
+        let (mut sides, mut background) = (Vec::with_capacity(rays.len()), 0.0);
+        trace(accel, receiver, rays, |hit| match hit {
+            Some(hit) => sides.extend(lookup.side(&hit).map(|side| (side, share))),
+            None => background += share,
+        });
+        Ok((sides, background))
+    };
+    receivers.par_iter().with_min_len(8).map(row).collect()
+}
+
+/// Calls `found` with what each ray of a receiver meets.
+#[inline]
+fn trace(accel: &Accel, receiver: &Receiver, rays: &[Vec3], mut found: impl FnMut(Option<SurfacePoint>)) {
+    let frame = receiver.frame();
+    for &local in rays {
+        let direction = frame.to_world(local);
+        let origin = offset_origin(receiver.position, receiver.normal, direction);
+        found(accel.closest_point(origin, direction, f32::INFINITY));
+    }
+}
+
+/// Sets of directions about +z with density cos(theta) / pi.
+struct RaySets {
+    directions: Vec<Vec3>,
+    samples: usize,
+    sets: u32,
+    seed: u32,
+}
+
+impl RaySets {
+    fn new(settings: TracedSettings) -> Self {
+        let samples = settings.samples.max(1);
+        let sets = (DIRECTIONS / samples).max(1);
+        let directions =
+            (0..sets).into_par_iter().flat_map_iter(|set| directions(settings.seed, set, samples)).collect();
+        Self { directions, samples: samples as usize, sets, seed: settings.seed }
+    }
+
+    /// The set of a receiver, still to be turned into its frame.
+    fn of(&self, receiver: &Receiver) -> &[Vec3] {
+        let set = hash32(receiver.seed ^ hash32(self.seed ^ 0x7ace_d5e7)) % self.sets;
+        &self.directions[set as usize * self.samples..][..self.samples]
+    }
+}
+
+/// One set, along a Morton curve over the square that directions are mapped from.
+fn directions(seed: u32, set: u32, samples: u32) -> impl Iterator<Item = Vec3> {
+    let sequence = Sequence::new(seed, u64::from(set), 0x7ace);
+    let mut points: Vec<_> = (0..samples).map(|i| sequence.point(i)).collect();
+    points.sort_by_key(|p| interleave((p.x * 65_536.0) as u32) | interleave((p.y * 65_536.0) as u32) << 1);
+    points.into_iter().map(cosine_hemisphere)
+}
+
+/// Spreads 16 bits to the even places of 32.
+fn interleave(x: u32) -> u32 {
+    let x = (x | x << 8) & 0x00ff_00ff;
+    let x = (x | x << 4) & 0x0f0f_0f0f;
+    let x = (x | x << 2) & 0x3333_3333;
+    (x | x << 1) & 0x5555_5555
+}

@@ -1,0 +1,255 @@
+//! The radiance that surfaces send, wherever a ray meets them: samples by primitive, interpolated between surfels once.
+
+use super::chart::Charts;
+use super::cloud::SurfelCloud;
+use super::reconstruct::{Reconstruction, Spot};
+use crate::accel::SurfacePoint;
+use crate::scene::Scene;
+use glam::{Vec3, Vec3A};
+use rayon::prelude::*;
+
+/// Samples that a surfel or a chart may account for, at the most; in scenes as they are, it is about two.
+const MOST_SAMPLES: u64 = 32;
+
+/// A shaded cloud, resampled so that a ray's hit finds its radiance in some 20 ns: bilinear interpolation within the chart
+/// of the primitive that was hit.
+#[derive(Debug, Clone)]
+pub struct RadianceLookup {
+    charts: Charts,
+    /// Radiance by sample, W sr-1 m-2.
+    samples: Vec<Vec3A>,
+}
+
+impl RadianceLookup {
+    /// Resamples a shaded cloud of the scene.
+    pub fn new(scene: &Scene, cloud: &SurfelCloud) -> Self {
+        let (charts, samples) =
+            resample(scene, cloud, |surfels, spot, guess| surfels.radiance(spot, guess).into());
+        Self { charts, samples }
+    }
+
+    /// Radiance that a surface sends towards the ray that met it, W sr-1 m-2: what the surfels around carry. The back of a
+    /// one-sided surface is black.
+    #[inline]
+    pub fn radiance(&self, hit: &SurfacePoint) -> Vec3 {
+        let Some(place) = self.charts.place(hit) else { return Vec3::ZERO };
+        let sample = |offset: u32| self.samples[(place.sample + offset) as usize];
+        if place.right == 0 {
+            return sample(0).into();
+        }
+        let low = sample(0).lerp(sample(place.right), place.within.x);
+        let high = sample(place.above).lerp(sample(place.above + place.right), place.within.x);
+        low.lerp(high, place.within.y).into()
+    }
+
+    /// Bytes of memory.
+    pub fn bytes(&self) -> usize {
+        self.charts.bytes() + size_of_val(self.samples.as_slice())
+    }
+}
+
+/// Which surfel stands for a place, whatever its light: for light that is yet to bounce.
+#[derive(Debug, Clone)]
+pub struct SideLookup {
+    charts: Charts,
+    /// Side of the nearest surfel, by sample: `2 i` is the front of surfel `i`, `2 i + 1` its back.
+    samples: Vec<Option<u32>>,
+}
+
+impl SideLookup {
+    /// Resamples a cloud of the scene.
+    pub fn new(scene: &Scene, cloud: &SurfelCloud) -> Self {
+        let (charts, samples) = resample(scene, cloud, |surfels, spot, guess| {
+            surfels.nearest(spot, guess).map(|surfel| surfels.side(surfel, spot.normal))
+        });
+        Self { charts, samples }
+    }
+
+    /// The side of a surfel that stands for what a ray met; `None` where that is black.
+    pub fn side(&self, hit: &SurfacePoint) -> Option<u32> {
+        let place = self.charts.place(hit)?;
+        let right = if place.within.x > 0.5 { place.right } else { 0 };
+        let above = if place.within.y > 0.5 { place.above } else { 0 };
+        self.samples[(place.sample + right + above) as usize]
+    }
+}
+
+/// Asks a cloud for a value at each sample of a scene's charts, in their order.
+fn resample<T: Send>(
+    scene: &Scene,
+    cloud: &SurfelCloud,
+    value: impl Fn(&Reconstruction, &Spot, &mut usize) -> T + Sync,
+) -> (Charts, Vec<T>) {
+    let shares = shares(scene, cloud);
+    let most = MOST_SAMPLES * (cloud.len() + scene.primitive_count()) as u64;
+    let charts = Charts::new(scene, |primitive| shares[primitive as usize], most);
+    let surfels = Reconstruction::new(cloud);
+    let of_chart = |chart| {
+        let mut guess = 0;
+        let (surfels, value) = (&surfels, &value);
+        spots(scene, &charts, chart).map(move |spot| value(surfels, &spot, &mut guess))
+    };
+    let samples = (0..charts.as_slice().len()).into_par_iter().flat_map_iter(of_chart).collect();
+    (charts, samples)
+}
+
+/// Mean area of the surfels on each primitive; where there are none, of all.
+fn shares(scene: &Scene, cloud: &SurfelCloud) -> Vec<f32> {
+    let mut sums = vec![(0.0, 0u32); scene.primitive_count()];
+    for (&primitive, &area) in cloud.primitive.iter().zip(&cloud.area) {
+        let (sum, count) = &mut sums[primitive as usize];
+        *sum += area;
+        *count += 1;
+    }
+    let all = if cloud.is_empty() { f32::MAX } else { cloud.area.iter().sum::<f32>() / cloud.len() as f32 };
+    sums.into_iter().map(|(sum, count)| if count > 0 { sum / count as f32 } else { all }).collect()
+}
+
+/// The samples of a chart, the front's before the back's.
+fn spots<'a>(scene: &'a Scene, charts: &'a Charts, index: usize) -> impl Iterator<Item = Spot> + 'a {
+    let chart = &charts.as_slice()[index];
+    let material = scene.primitive_material(charts.primitive(index).0);
+    let sides: &[f32] = if chart.two_sided { &[1.0, -1.0] } else { &[1.0] };
+    sides.iter().flat_map(|&side| (0..chart.samples()).map(move |i| (side, i))).map(move |(side, i)| {
+        let (position, normal) = charts.sample(scene, index, i);
+        Spot { position, normal: normal * side, material }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::accel::Accel;
+    use crate::math::Rng;
+    use crate::scene::{Material, SceneDescription, Shape};
+    use crate::surfel::closed::ClosedTest;
+    use crate::surfel::cloud::SurfelShape;
+    use crate::surfel::generate::{Density, GenerateSettings, generate};
+    use glam::{DAffine3, DQuat, DVec3};
+    use std::sync::Arc;
+
+    fn accel(shapes: Vec<Shape>, two_sided: bool) -> Accel {
+        let materials = vec![Material { two_sided, ..Material::default() }];
+        let description = SceneDescription { shapes, materials, ..SceneDescription::default() };
+        Accel::new(Arc::new(Scene::new(&description).expect("has an area")))
+    }
+
+    /// The lookup of a cloud whose sides send what `light` says of a position and a normal.
+    fn lookup(accel: &Accel, surfels: u64, light: impl Fn(Vec3, Vec3) -> Vec3) -> RadianceLookup {
+        let settings =
+            GenerateSettings { density: Density::Count(surfels), shape: SurfelShape::Disc, seed: 1 };
+        let mut cloud = generate(accel.scene(), &ClosedTest::none(), &settings).expect("a cloud");
+        for i in 0..cloud.len() {
+            cloud.radiance[i] = light(cloud.position[i], cloud.normal[i]);
+            if accel.scene().has_two_sided() {
+                cloud.back_radiance[i] = light(cloud.position[i], -cloud.normal[i]);
+            }
+        }
+        RadianceLookup::new(accel.scene(), &cloud)
+    }
+
+    /// Largest difference from `light` over random rays towards points of the unit cube, from 2 units off.
+    fn worst(accel: &Accel, lookup: &RadianceLookup, light: impl Fn(Vec3, Vec3) -> Vec3) -> f32 {
+        let mut rng = Rng::new(9, 0);
+        let mut worst: f32 = 0.0;
+        let mut hits = 0;
+        for _ in 0..20_000 {
+            let from = crate::math::uniform_sphere(rng.unit2()) * 2.0;
+            let to = Vec3::new(rng.unit() - 0.5, rng.unit() - 0.5, rng.unit() - 0.5);
+            let ray = (from, (to - from).normalize());
+            let Some(hit) = accel.closest_hit(ray.0, ray.1, f32::INFINITY) else { continue };
+            let point = accel.closest_point(ray.0, ray.1, f32::INFINITY).expect("the same ray hits");
+            let seen = if hit.front { hit.normal } else { -hit.normal };
+            let off = lookup.radiance(&point) - light(hit.position, seen);
+            worst = worst.max(off.abs().max_element());
+            hits += 1;
+        }
+        assert!(hits > 500, "{hits} hits");
+        worst
+    }
+
+    fn block(size: DVec3) -> Shape {
+        let transform =
+            DAffine3::from_scale_rotation_translation(size, DQuat::from_rotation_x(0.4), DVec3::ZERO);
+        Shape::Cuboid { transform, material: 0 }
+    }
+
+    fn quad(z: f64, facing: f64) -> Shape {
+        let corner = |x: f64, y: f64| DVec3::new(x * facing, y, z);
+        Shape::Mesh {
+            positions: vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            normals: Vec::new(),
+            materials: vec![0, 0],
+        }
+    }
+
+    /// Light that changes evenly, and differs between sides.
+    fn even(p: Vec3, n: Vec3) -> Vec3 {
+        Vec3::new(2.0 + p.x, 2.0 - p.y + p.z, 3.0 + n.z)
+    }
+
+    #[test]
+    fn light_that_changes_evenly_comes_back_up_to_the_edges() {
+        for shapes in [vec![quad(0.0, 1.0)], vec![block(DVec3::new(1.0, 0.6, 0.8))]] {
+            let accel = accel(shapes, false);
+            // The backs of one-sided quads are black, so only fronts are asked for.
+            let light = |p: Vec3, n: Vec3| if n.z < -0.99 { Vec3::ZERO } else { even(p, n) };
+            let worst = worst(&accel, &lookup(&accel, 2000, light), light);
+            // A spacing is 0.04; few surfels lie around a corner.
+            assert!(worst < 0.01, "off by {worst}");
+        }
+    }
+
+    #[test]
+    fn curved_surfaces_are_followed() {
+        let transform = DAffine3::from_scale(DVec3::new(1.0, 0.8, 0.9));
+        let accel = accel(vec![Shape::Sphere { transform, material: 0 }], false);
+        let worst = worst(&accel, &lookup(&accel, 5000, even), even);
+        assert!(worst < 0.02, "off by {worst}");
+    }
+
+    /// A sheet with two sides, and two sheets hardly apart that look away from each other: no light passes through.
+    #[test]
+    fn thin_walls_do_not_leak() {
+        let day_and_night = |_: Vec3, n: Vec3| if n.z > 0.0 { Vec3::ONE } else { Vec3::ZERO };
+        let sheet = accel(vec![quad(0.0, 1.0)], true);
+        let wall = accel(vec![quad(1e-5, 1.0), quad(-1e-5, -1.0)], false);
+        for accel in [sheet, wall] {
+            let lookup = lookup(&accel, 500, day_and_night);
+            assert_eq!(worst(&accel, &lookup, day_and_night), 0.0);
+        }
+    }
+
+    /// Two sheets of one material, which look the same way, half a surfel's spacing apart.
+    #[test]
+    fn parallel_sheets_keep_their_own_light() {
+        let accel = accel(vec![quad(0.02, 1.0), quad(-0.02, 1.0)], true);
+        let by_height = |p: Vec3, _: Vec3| if p.z > 0.0 { Vec3::ONE } else { Vec3::ZERO };
+        let lookup = lookup(&accel, 1000, by_height);
+        assert_eq!(worst(&accel, &lookup, by_height), 0.0);
+    }
+
+    #[test]
+    fn surfaces_without_surfels_of_their_own_are_lit_like_what_is_near() {
+        let accel = accel(vec![quad(0.0, 1.0), quad(0.3, 1.0)], false);
+        let settings = GenerateSettings { density: Density::Count(400), shape: SurfelShape::Disc, seed: 1 };
+        let mut cloud = generate(accel.scene(), &ClosedTest::none(), &settings).expect("a cloud");
+        cloud.radiance.fill(Vec3::ONE);
+        // Only the first sheet's surfels.
+        let half = cloud.primitive.iter().filter(|&&p| p < 2).count();
+        cloud.position.truncate(half);
+        let lookup = RadianceLookup::new(accel.scene(), &cloud);
+        let hit = accel.closest_point(Vec3::new(0.1, 0.2, 2.0), Vec3::NEG_Z, f32::INFINITY).expect("a sheet");
+        assert_eq!(hit.primitive / 2, 1, "the upper sheet is in front");
+        assert_eq!(lookup.radiance(&hit), Vec3::ONE);
+    }
+
+    #[test]
+    fn without_surfels_everything_is_black() {
+        let accel = accel(vec![quad(0.0, 1.0)], false);
+        let lookup = RadianceLookup::new(accel.scene(), &SurfelCloud::default());
+        let hit = accel.closest_point(Vec3::Z * 0.2, Vec3::NEG_Z, f32::INFINITY).expect("the quad");
+        assert_eq!(lookup.radiance(&hit), Vec3::ZERO);
+    }
+}

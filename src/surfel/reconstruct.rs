@@ -1,0 +1,155 @@
+//! Radiance between surfels: a weighted least-squares fit of a plane to the surfels around (moving least squares, Lancaster
+//! and Salkauskas 1981), which unlike a mean is unbiased at the edges of a surface, where surfels lie on one side only.
+
+use super::cloud::{FLAG_TWO_SIDED, SurfelCloud};
+use super::kdtree::KdTree;
+use super::patch::ALIKE;
+use crate::math::Frame;
+use glam::{Vec2, Vec3};
+
+/// Reach of the fit, in spacings of the surfels.
+const REACH: f32 = 2.0;
+
+/// Cosine of the largest angle between the normals of surfels that are fitted together: 45 degrees.
+const SMOOTH: f32 = 0.7;
+
+/// Distance between parallel sheets, in spacings of the surfels, from which on they are told apart.
+const SHEETS: f32 = 0.2;
+
+/// Added to the spread of the surfels around, as a share of the reach squared: surfels in one line have no slope across.
+const RIDGE: f32 = 1e-3;
+
+/// A shaded cloud that can be asked for the light between its surfels.
+pub struct Reconstruction<'a> {
+    cloud: &'a SurfelCloud,
+    tree: KdTree,
+}
+
+/// A side of a surface point.
+#[derive(Debug, Clone, Copy)]
+pub struct Spot {
+    /// Position, scene space.
+    pub position: Vec3,
+    /// Unit geometric normal on the side that is asked for.
+    pub normal: Vec3,
+    /// Material index.
+    pub material: u32,
+}
+
+impl<'a> Reconstruction<'a> {
+    /// Prepares queries on a shaded cloud.
+    pub fn new(cloud: &'a SurfelCloud) -> Self {
+        Self { cloud, tree: KdTree::new(cloud.position.iter().copied()) }
+    }
+
+    /// Radiance that a side of the surface sends, W sr-1 m-2; black only if the cloud is empty, or black itself. `guess`
+    /// holds the place of a surfel that may be near, and is given that of the nearest.
+    pub fn radiance(&self, spot: &Spot, guess: &mut usize) -> Vec3 {
+        let Some(nearest) = self.nearest(spot, guess) else { return Vec3::ZERO };
+        let spacing = self.cloud.area[nearest].sqrt();
+        let reach = REACH * spacing.max(self.cloud.position[nearest].distance(spot.position));
+        let fit = self.fit(spot, reach, SHEETS * spacing);
+        fit.unwrap_or_else(|| self.light(self.side(nearest, spot.normal)))
+    }
+
+    /// The surfel that stands for a spot: the nearest on the same surface; where the cloud has none, the nearest of the same
+    /// material, or of any.
+    pub fn nearest(&self, spot: &Spot, guess: &mut usize) -> Option<usize> {
+        let search = |alike: f32| {
+            self.tree.nearest(spot.position, *guess, |slot| {
+                let i = self.tree.order[slot] as usize;
+                self.cloud.material[i] == spot.material && self.cosine(i, spot.normal) >= alike
+            })
+        };
+        let slot = search(ALIKE).or_else(|| search(-2.0));
+        let slot = slot.or_else(|| self.tree.nearest(spot.position, *guess, |_| true))?;
+        *guess = slot;
+        Some(self.tree.order[slot] as usize)
+    }
+
+    /// Side of surfel `i` that looks the way of `normal`: `2 i` for the front, `2 i + 1` for the back.
+    pub fn side(&self, i: usize, normal: Vec3) -> u32 {
+        let back = self.cloud.flags[i] & FLAG_TWO_SIDED != 0 && self.cloud.normal[i].dot(normal) < 0.0;
+        2 * i as u32 + u32::from(back)
+    }
+
+    fn light(&self, side: u32) -> Vec3 {
+        let lights = if side.is_multiple_of(2) { &self.cloud.radiance } else { &self.cloud.back_radiance };
+        lights[side as usize / 2]
+    }
+
+    /// Cosine between `normal` and that of the side of surfel `i` that looks its way.
+    fn cosine(&self, i: usize, normal: Vec3) -> f32 {
+        let cosine = self.cloud.normal[i].dot(normal);
+        if self.cloud.flags[i] & FLAG_TWO_SIDED != 0 { cosine.abs() } else { cosine }
+    }
+
+    fn fit(&self, spot: &Spot, reach: f32, sheets: f32) -> Option<Vec3> {
+        let frame = Frame::from_normal(spot.normal);
+        let mut sums = Sums::default();
+        self.tree.within(spot.position, reach, |slot, squared| {
+            let i = self.tree.order[slot] as usize;
+            if self.cloud.material[i] != spot.material {
+                return;
+            }
+            let offset = self.tree.points[slot] - spot.position;
+            let normal = self.cloud.normal[i] * 1f32.copysign(self.cloud.normal[i].dot(spot.normal));
+            // On one curved sheet, the two heights are equal and opposite.
+            let height = 0.5 * offset.dot(spot.normal + normal);
+            if self.cosine(i, spot.normal) < SMOOTH || height.abs() > sheets {
+                return;
+            }
+            let falloff = 1.0 - squared / (reach * reach);
+            let weight = self.cloud.area[i] * falloff * falloff;
+            let at = Vec2::new(frame.tangent.dot(offset), frame.bitangent.dot(offset));
+            sums.add(weight, at, self.light(self.side(i, spot.normal)));
+        });
+        sums.solve(RIDGE * reach * reach)
+    }
+}
+
+/// Weighted sums of positions in the tangent plane and of radiance.
+#[derive(Default)]
+struct Sums {
+    weight: f32,
+    at: Vec2,
+    /// xx, xy, yy.
+    squares: Vec3,
+    radiance: Vec3,
+    x_radiance: Vec3,
+    y_radiance: Vec3,
+    low: Option<(Vec3, Vec3)>,
+}
+
+impl Sums {
+    fn add(&mut self, weight: f32, at: Vec2, radiance: Vec3) {
+        self.weight += weight;
+        self.at += weight * at;
+        self.squares += weight * Vec3::new(at.x * at.x, at.x * at.y, at.y * at.y);
+        self.radiance += weight * radiance;
+        self.x_radiance += weight * at.x * radiance;
+        self.y_radiance += weight * at.y * radiance;
+        let (low, high) = self.low.unwrap_or((radiance, radiance));
+        self.low = Some((low.min(radiance), high.max(radiance)));
+    }
+
+    /// The fitted plane's value at the origin, no further beyond the surfels' own values than their range.
+    fn solve(&self, ridge: f32) -> Option<Vec3> {
+        let (low, high) = self.low?;
+        if self.weight <= 0.0 {
+            return None;
+        }
+        let (centre, mean) = (self.at / self.weight, self.radiance / self.weight);
+        let spread = self.squares / self.weight
+            - Vec3::new(centre.x * centre.x, centre.x * centre.y, centre.y * centre.y);
+        let (xx, xy, yy) = (spread.x + ridge, spread.y, spread.z + ridge);
+        let along_x = self.x_radiance / self.weight - mean * centre.x;
+        let along_y = self.y_radiance / self.weight - mean * centre.y;
+        let determinant = xx * yy - xy * xy;
+        let slope_x = (along_x * yy - along_y * xy) / determinant;
+        let slope_y = (along_y * xx - along_x * xy) / determinant;
+        let value = mean - slope_x * centre.x - slope_y * centre.y;
+        let beyond = high - low;
+        Some(value.clamp((low - beyond).max(Vec3::ZERO), high + beyond))
+    }
+}

@@ -13,6 +13,7 @@ pub mod gather;
 pub mod hemicube;
 pub mod image_io;
 pub mod interrupt;
+pub mod lanes;
 pub mod math;
 pub mod measure;
 pub mod output;

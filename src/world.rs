@@ -181,7 +181,7 @@ impl World {
             let rows = form_factors(&self.accel, &lookup, rays, &receivers)?;
             return Ok(Transfer::from_rows(sides, rows));
         }
-        let mut gatherer = self.gatherer(settings)?;
+        let mut gatherer = self.id_gatherer(settings)?;
         let ordered = self.order(&receivers, settings, gatherer.batch_size());
         Transfer::gather(sides, ordered, &self.drawables, &self.weights, gatherer.as_mut(), run)
     }
@@ -224,8 +224,24 @@ impl World {
     /// # Errors
     /// When the device is not there or fails.
     pub fn gatherer(&self, settings: &Settings) -> Result<Box<dyn Gatherer + '_>> {
+        self.create(Some(self.convolver()), settings)
+    }
+
+    /// A gatherer that hands back surfel ids, where the method has any.
+    ///
+    /// # Errors
+    /// As [`World::gatherer`].
+    pub fn id_gatherer(&self, settings: &Settings) -> Result<Box<dyn Gatherer + '_>> {
+        self.create(None, settings)
+    }
+
+    fn create<'a>(
+        &'a self,
+        convolver: Option<Convolver<'a>>,
+        settings: &Settings,
+    ) -> Result<Box<dyn Gatherer + 'a>> {
         let surfels = Surfels { drawables: &self.drawables, lookup: self.lookup.as_ref() };
-        create(self.device.device, &self.accel, &self.lights, surfels, settings)
+        create(self.device.device, &self.accel, &self.lights, surfels, convolver, settings)
     }
 }
 

@@ -3,14 +3,18 @@
 use super::{Batch, Gathered, Gatherer, Group, Output, check_resolution};
 use crate::error::Result;
 use crate::hemicube::atlas::{AtlasLayout, IdAtlas};
-use crate::hemicube::frame::{FACES, Receiver, rows};
-use crate::hemicube::raster::{Raster, SplatLanes};
+use crate::hemicube::convolve::Convolver;
+use crate::hemicube::estimate::{Estimator, LightByMark};
+use crate::hemicube::frame::{Estimate, FACES, Receiver, rows};
+use crate::hemicube::raster::Raster;
+use crate::hemicube::splats::SplatLanes;
 use crate::interrupt;
 use crate::surfel::cloud::{Splat, SurfelShape};
 use crate::surfel::drawable::in_plane_axes;
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::collections::VecDeque;
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 /// Settings of a [`CpuGatherer`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,30 +34,83 @@ impl Default for CpuSettings {
 }
 
 /// Draws hemicubes on all threads of the current rayon pool. A batch is drawn while it is submitted.
-pub struct CpuGatherer {
+pub struct CpuGatherer<'a> {
     settings: CpuSettings,
-    splats: Vec<Splat>,
+    splats: Cow<'a, [Splat]>,
     /// In-plane axes; empty for discs.
     axes: Vec<[[f32; 3]; 2]>,
-    shape: SurfelShape,
+    /// Turns pixels into irradiance at once; without it, ids are handed back.
+    estimator: Option<Estimator<'a>>,
     /// All splats, for receivers without a cut; made when the first such batch comes.
-    everything: OnceLock<SplatLanes>,
+    everything: OnceLock<Visible>,
+    /// Workspaces that no thread uses at the moment.
+    idle: Mutex<Vec<Workspace>>,
     finished: VecDeque<Gathered>,
 }
 
-impl CpuGatherer {
-    /// A gatherer over splats of one shape.
+/// What a group of receivers sees.
+#[derive(Default)]
+struct Visible {
+    splats: SplatLanes,
+    /// Empty when ids are wanted.
+    light: LightByMark,
+}
+
+/// What a thread needs to draw a group.
+struct Workspace {
+    raster: Raster,
+    visible: Visible,
+}
+
+/// Receivers that see the same drawables, and where their results go.
+struct Job<'b, T> {
+    receivers: &'b [Receiver],
+    /// `None`: all surfels.
+    cut: Option<&'b [u32]>,
+    results: &'b mut [T],
+}
+
+impl<'a> CpuGatherer<'a> {
+    /// A gatherer of surfel ids, over splats of one shape.
     ///
     /// # Errors
     /// When the resolution is out of range.
-    pub fn new(splats: Vec<Splat>, shape: SurfelShape, settings: CpuSettings) -> Result<Self> {
+    pub fn new(
+        splats: impl Into<Cow<'a, [Splat]>>,
+        shape: SurfelShape,
+        settings: CpuSettings,
+    ) -> Result<Self> {
         check_resolution(settings.resolution)?;
+        let splats = splats.into();
         let axes = in_plane_axes(&splats, shape);
-        Ok(Self { settings, splats, axes, shape, everything: OnceLock::new(), finished: VecDeque::new() })
+        Ok(Self {
+            settings,
+            splats,
+            axes,
+            estimator: None,
+            everything: OnceLock::new(),
+            idle: Mutex::default(),
+            finished: VecDeque::new(),
+        })
     }
 
-    /// Draws a batch's tiles one below the other.
-    fn draw(&self, batch: &Batch) -> Result<IdAtlas> {
+    /// Makes it a gatherer of irradiance, as `convolver` finds it from the ids: each hemicube is convolved as soon as it is
+    /// drawn, and no atlas is kept. The convolver's drawables and resolution must be the gatherer's own.
+    pub fn convolving(self, convolver: Convolver<'a>) -> Self {
+        Self { estimator: Some(Estimator::new(convolver)), ..self }
+    }
+
+    /// Irradiance at a batch's receivers.
+    fn estimates(&self, batch: &Batch, estimator: &Estimator) -> Result<Vec<Estimate>> {
+        let mut estimates = vec![Estimate::default(); batch.receivers.len()];
+        self.draw(batch, &mut estimates, |raster, visible, receiver, estimate| {
+            *estimate = estimator.estimate(raster, &visible.light, receiver);
+        })?;
+        Ok(estimates)
+    }
+
+    /// Ids of a batch's tiles, one tile below the other.
+    fn atlas(&self, batch: &Batch) -> Result<IdAtlas> {
         let n = self.settings.resolution;
         let count = batch.receivers.len();
         let layout = AtlasLayout { resolution: n, columns: 1, rows: count as u32 };
@@ -69,63 +126,90 @@ impl CpuGatherer {
         for _ in 0..count {
             tiles.push(std::array::from_fn(|face| layers[face].next().unwrap_or_default()));
         }
-        let jobs = self.jobs(batch, &mut tiles);
-        let new_scratch = || (Raster::new(n), SplatLanes::new(&[], &[], self.shape));
-        jobs.into_par_iter().try_for_each_init(new_scratch, |(raster, lanes), job| {
-            interrupt::check()?;
-            self.draw_group(raster, lanes, job);
-            Ok(())
+        self.draw(batch, &mut tiles, |raster, visible, _, tile| {
+            for (face, texels) in tile.iter_mut().enumerate() {
+                for (y, row) in texels.chunks_exact_mut(n as usize).enumerate() {
+                    let marks = raster.row(face, y as u32);
+                    row.iter_mut().zip(marks).for_each(|(id, &mark)| *id = visible.splats.ids[mark as usize / 2]);
+                }
+            }
         })?;
         Ok(atlas)
     }
 
-    /// Splits a batch into its groups, or into pieces that see everything.
-    fn jobs<'b>(&self, batch: &'b Batch, tiles: &'b mut [[&'b mut [u32]; FACES]]) -> Vec<Job<'b>> {
-        if batch.groups.is_empty() {
-            let pieces = batch.receivers.chunks(4).zip(tiles.chunks_mut(4));
-            return pieces.map(|(receivers, tiles)| Job { receivers, cut: None, tiles }).collect();
-        }
-        let (mut receivers, mut cuts, mut tiles) = (batch.receivers.as_slice(), batch.cuts.as_slice(), tiles);
-        let mut jobs = Vec::with_capacity(batch.groups.len());
-        for &Group { receivers: count, drawables } in &batch.groups {
-            let (group, others) = receivers.split_at(count as usize);
-            let (cut, more) = cuts.split_at(drawables as usize);
-            let (own, further) = tiles.split_at_mut(count as usize);
-            (receivers, cuts, tiles) = (others, more, further);
-            jobs.push(Job { receivers: group, cut: Some(cut), tiles: own });
-        }
-        jobs
-    }
-
-    fn draw_group(&self, raster: &mut Raster, lanes: &mut SplatLanes, job: Job) {
-        let splats = match job.cut {
-            None => self.everything.get_or_init(|| SplatLanes::new(&self.splats, &self.axes, self.shape)),
-            Some(cut) => {
-                lanes.fill(&self.splats, &self.axes, cut.iter().copied());
-                lanes
-            }
-        };
-        let n = self.settings.resolution as usize;
-        for (receiver, faces) in job.receivers.iter().zip(job.tiles) {
-            raster.draw(receiver, splats);
-            for (face, tile) in faces.iter_mut().enumerate() {
-                for (y, row) in tile.chunks_exact_mut(n).enumerate() {
-                    row.copy_from_slice(raster.row(face, y as u32));
+    /// Draws a batch and calls `finish` with each hemicube, its receiver and the receiver's place in `results`.
+    fn draw<T: Send>(
+        &self,
+        batch: &Batch,
+        results: &mut [T],
+        finish: impl Fn(&Raster, &Visible, &Receiver, &mut T) + Sync,
+    ) -> Result<()> {
+        jobs(batch, results).into_par_iter().try_for_each(|job| {
+            interrupt::check()?;
+            let mut workspace = self.take_workspace();
+            let Workspace { raster, visible } = &mut workspace;
+            let visible = match job.cut {
+                None => self.everything.get_or_init(|| self.everything()),
+                Some(cut) => {
+                    self.look(cut, visible);
+                    visible
                 }
+            };
+            for (receiver, result) in job.receivers.iter().zip(job.results) {
+                raster.draw(receiver, &visible.splats);
+                finish(raster, visible, receiver, result);
             }
+            self.idle().push(workspace);
+            Ok(())
+        })
+    }
+
+    /// Collects what a cut lists.
+    fn look(&self, cut: &[u32], visible: &mut Visible) {
+        visible.splats.fill(&self.splats, &self.axes, cut);
+        if let Some(estimator) = &self.estimator {
+            estimator.light(cut, &mut visible.light);
         }
+    }
+
+    fn everything(&self) -> Visible {
+        let all: Vec<u32> = (0..self.splats.len() as u32).collect();
+        let mut visible = Visible::default();
+        self.look(&all, &mut visible);
+        visible
+    }
+
+    fn take_workspace(&self) -> Workspace {
+        let new = || Workspace { raster: Raster::new(self.settings.resolution), visible: Visible::default() };
+        let idle = self.idle().pop();
+        idle.unwrap_or_else(new)
+    }
+
+    fn idle(&self) -> std::sync::MutexGuard<'_, Vec<Workspace>> {
+        // Whatever a panicking thread left behind, the list holds whole workspaces.
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Receivers that see the same drawables, and where their tiles go.
-struct Job<'b> {
-    receivers: &'b [Receiver],
-    /// `None`: all surfels.
-    cut: Option<&'b [u32]>,
-    tiles: &'b mut [[&'b mut [u32]; FACES]],
+/// Splits a batch into its groups, or into pieces that see everything.
+fn jobs<'b, T>(batch: &'b Batch, results: &'b mut [T]) -> Vec<Job<'b, T>> {
+    if batch.groups.is_empty() {
+        let pieces = batch.receivers.chunks(4).zip(results.chunks_mut(4));
+        return pieces.map(|(receivers, results)| Job { receivers, cut: None, results }).collect();
+    }
+    let (mut receivers, mut cuts, mut results) = (batch.receivers.as_slice(), batch.cuts.as_slice(), results);
+    let mut jobs = Vec::with_capacity(batch.groups.len());
+    for &Group { receivers: count, drawables } in &batch.groups {
+        let (group, others) = receivers.split_at(count as usize);
+        let (cut, more) = cuts.split_at(drawables as usize);
+        let (own, further) = results.split_at_mut(count as usize);
+        (receivers, cuts, results) = (others, more, further);
+        jobs.push(Job { receivers: group, cut: Some(cut), results: own });
+    }
+    jobs
 }
 
-impl Gatherer for CpuGatherer {
+impl Gatherer for CpuGatherer<'_> {
     fn batch_size(&self) -> usize {
         self.settings.batch.max(1)
     }
@@ -135,8 +219,11 @@ impl Gatherer for CpuGatherer {
     }
 
     fn submit(&mut self, batch: Batch) -> Result<()> {
-        let atlas = self.draw(&batch)?;
-        self.finished.push_back(Gathered { batch, output: Output::Ids(atlas) });
+        let output = match &self.estimator {
+            Some(estimator) => Output::Estimates(self.estimates(&batch, estimator)?),
+            None => Output::Ids(self.atlas(&batch)?),
+        };
+        self.finished.push_back(Gathered { batch, output });
         Ok(())
     }
 

@@ -9,6 +9,7 @@ use super::vulkan::{BatchSize, VulkanGatherer, VulkanSettings};
 use crate::accel::Accel;
 use crate::direct::Lights;
 use crate::error::{Error, Result};
+use crate::hemicube::convolve::Convolver;
 use crate::settings::{GatherMethod, Settings};
 use crate::surfel::drawable::Drawables;
 use crate::surfel::lookup::RadianceLookup;
@@ -38,7 +39,7 @@ pub struct Surfels<'a> {
     pub lookup: Option<&'a RadianceLookup>,
 }
 
-/// Makes the gatherer.
+/// Makes the gatherer. One that can convolve its own hemicubes does so with `convolver`; without, hemicubes come as ids.
 ///
 /// # Errors
 /// When the device cannot be opened or has too little memory.
@@ -47,6 +48,7 @@ pub fn create<'a>(
     accel: &'a Accel,
     lights: &'a Lights,
     surfels: Surfels<'a>,
+    convolver: Option<Convolver<'a>>,
     settings: &Settings,
 ) -> Result<Box<dyn Gatherer + 'a>> {
     let Surfels { drawables, lookup } = surfels;
@@ -70,7 +72,11 @@ pub fn create<'a>(
                 BatchSize::Fixed(n) => n,
             };
             let cpu = CpuSettings { resolution, batch, frames_in_flight };
-            Box::new(CpuGatherer::new(drawables.splats.clone(), drawables.shape, cpu)?)
+            let gatherer = CpuGatherer::new(drawables.splats.as_slice(), drawables.shape, cpu)?;
+            Box::new(match convolver {
+                Some(convolver) => gatherer.convolving(convolver),
+                None => gatherer,
+            })
         }
         (GatherMethod::Hemicube, Chosen::Vulkan(index)) => {
             let vulkan = VulkanSettings {

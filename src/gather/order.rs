@@ -3,6 +3,7 @@
 
 use super::{Batch, Group};
 use crate::hemicube::frame::Receiver;
+use crate::lanes::LANES;
 use crate::surfel::tree::{CutSettings, ReceiverBounds, SurfelTree};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -28,10 +29,25 @@ pub fn order(
     settings: &CutSettings,
     batch_size: usize,
 ) -> Ordered {
+    in_batches(receivers, compact_order(receivers), tree, settings, batch_size)
+}
+
+/// The receivers' indices, such that neighbours in it are near each other in position and normal.
+pub fn compact_order(receivers: &[Receiver]) -> Vec<u32> {
     let mut keyed: Vec<(u64, u32)> =
         receivers.par_iter().enumerate().with_min_len(256).map(|(i, r)| (key(r), i as u32)).collect();
     keyed.par_sort_unstable();
-    let order: Vec<u32> = keyed.into_iter().map(|(_, i)| i).collect();
+    keyed.into_iter().map(|(_, i)| i).collect()
+}
+
+/// What [`order`] does with receivers whose order is chosen: `order` lists each index once.
+pub fn in_batches(
+    receivers: &[Receiver],
+    order: Vec<u32>,
+    tree: Option<&SurfelTree>,
+    settings: &CutSettings,
+    batch_size: usize,
+) -> Ordered {
     let sorted: Vec<Receiver> = order.iter().map(|&i| receivers[i as usize]).collect();
     let batches = match tree {
         Some(tree) => with_cuts(&sorted, tree, settings, batch_size),
@@ -55,18 +71,16 @@ fn with_cuts(
     batch_size: usize,
 ) -> Vec<Batch> {
     let groups = groups(sorted);
-    let cuts: Vec<Vec<u32>> = groups
-        .par_iter()
-        .with_min_len(4)
-        .map(|group| {
-            let mut cut = Vec::new();
-            tree.cut(&ReceiverBounds::new(group), settings, &mut cut);
-            cut
+    let cuts: Vec<[Vec<u32>; LANES]> = groups
+        .par_chunks(LANES)
+        .map(|groups| {
+            let bounds: Vec<_> = groups.iter().map(|group| ReceiverBounds::new(group)).collect();
+            tree.cuts(&bounds, settings)
         })
         .collect();
     let mut batches = vec![Batch::default()];
     let mut first = 0;
-    for (group, cut) in groups.iter().zip(&cuts) {
+    for (group, cut) in groups.iter().zip(cuts.as_flattened()) {
         for part in group.chunks(batch_size) {
             if batches.last().is_some_and(|b| b.receivers.len() + part.len() > batch_size) {
                 batches.push(Batch { first, ..Batch::default() });

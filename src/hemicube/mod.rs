@@ -5,7 +5,11 @@
 pub mod atlas;
 pub mod convolve;
 pub mod cover;
+pub mod estimate;
 pub mod frame;
-pub mod lanes;
+pub mod local;
+pub mod bins;
+pub mod bounds;
+pub mod splats;
 pub mod raster;
 pub mod weights;

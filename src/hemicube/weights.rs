@@ -1,7 +1,7 @@
 //! Exact pixel weights: the integral of cos(theta)/pi d(omega) over each pixel (Cohen and Greenberg 1985 give the
 //! midpoint "delta form factors"; those sum to 1 + 0.54/N^2, these to 1).
 
-use super::frame::{FACES, rows};
+use super::frame::{FACES, pixel_direction, rows};
 use std::f64::consts::PI;
 
 /// Weights of all pixels of one hemicube. They sum to 1.
@@ -13,6 +13,11 @@ pub struct Weights {
     pub top: Vec<f32>,
     /// Any side face, row-major N x N/2, row 0 on the horizon.
     pub side: Vec<f32>,
+    /// Weight over the length of the pixel's direction (u, v, 1), top face: times the inverse depth, the pixel's share of
+    /// [`super::frame::Estimate::closeness`].
+    top_closeness: Vec<f32>,
+    /// The same for a side face.
+    side_closeness: Vec<f32>,
 }
 
 impl Weights {
@@ -33,12 +38,19 @@ impl Weights {
                 side.push(rectangle(side_corner, edge(x), edge(x + 1), height(y), height(y + 1)) as f32);
             }
         }
-        Self { resolution, top, side }
+        let (top_closeness, side_closeness) =
+            (over_length(0, &top, resolution), over_length(1, &side, resolution));
+        Self { resolution, top, side, top_closeness, side_closeness }
     }
 
     /// The weights of a face, row-major.
     pub fn face(&self, face: usize) -> &[f32] {
         if face == 0 { &self.top } else { &self.side }
+    }
+
+    /// Weights over the lengths of the directions (u, v, 1) of a face's pixels, row-major.
+    pub fn closeness(&self, face: usize) -> &[f32] {
+        if face == 0 { &self.top_closeness } else { &self.side_closeness }
     }
 
     /// The sum over all faces, in f64.
@@ -50,6 +62,16 @@ impl Weights {
     pub fn pixels(&self) -> usize {
         (0..FACES).map(|f| (rows(f, self.resolution) * self.resolution) as usize).sum()
     }
+}
+
+/// Divides a face's weights by the lengths of its pixels' directions.
+fn over_length(face: usize, weights: &[f32], resolution: u32) -> Vec<f32> {
+    let inv = 1.0 / resolution as f32;
+    let pixel = |(i, &weight): (usize, &f32)| {
+        let (u, v) = pixel_direction(face, i as u32 % resolution, i as u32 / resolution, inv);
+        weight / (u * u + v * v + 1.0).sqrt()
+    };
+    weights.iter().enumerate().map(pixel).collect()
 }
 
 /// Integral over a rectangle from the antiderivative at its four corners.

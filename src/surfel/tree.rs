@@ -6,6 +6,7 @@
 use super::cloud::{FLAG_CULL_BACK, Splat, SurfelCloud, SurfelShape};
 use crate::accel::{ClusterNode, cluster};
 use crate::hemicube::frame::Receiver;
+use crate::lanes::{self, F32x8, LANES, LaneTask, Mask8, dot, vector};
 use glam::Vec3;
 use std::f32::consts::PI;
 
@@ -129,25 +130,10 @@ impl SurfelTree {
         }
     }
 
-    /// Appends to `cut` the drawables that a group of receivers needs: clusters that look smaller than `lod` pixels from all of
-    /// them, surfels elsewhere, and nothing that none of them can see.
-    pub fn cut(&self, group: &ReceiverBounds, settings: &CutSettings, cut: &mut Vec<u32>) {
-        // A cluster of radius r at distance d spans 2 r / d of a face that is 2 wide and `resolution` pixels across.
-        let limit = settings.lod / settings.resolution as f32;
-        let mut stack = vec![0u32];
-        while let Some(i) = stack.pop() {
-            let node = &self.nodes[i as usize];
-            if group.cannot_see(node) {
-                continue;
-            }
-            if node.child == 0 || group.may_draw(node, limit) {
-                cut.push(node.drawable);
-            } else {
-                // The first child is taken first, so that a cut keeps the tree's order.
-                stack.push(node.child + 1);
-                stack.push(node.child);
-            }
-        }
+    /// The drawables that each of up to [`LANES`] groups of receivers needs: clusters that look smaller than `lod` pixels from
+    /// all of them, surfels elsewhere, and nothing that none of them can see. Groups near each other go best together.
+    pub fn cuts(&self, groups: &[ReceiverBounds], settings: &CutSettings) -> [Vec<u32>; LANES] {
+        lanes::run(Cutting { tree: self, groups, settings })
     }
 
     fn children(&self, node: &Node) -> [&Node; 2] {
@@ -211,24 +197,107 @@ fn disc_radius(area: f32, shape: SurfelShape) -> f32 {
     }
 }
 
-impl ReceiverBounds {
-    /// Whether no receiver can see anything of the node: it is below all horizons, or shows only culled backs.
-    fn cannot_see(&self, node: &Node) -> bool {
-        let to_node = node.centre - self.centre;
-        let distance = to_node.length();
-        let reach = node.bound + self.radius;
-        let below =
-            to_node.dot(self.normal) + distance * self.deviation + reach * (1.0 + self.deviation) < 0.0;
-        let culled = node.flags & FLAG_CULL_BACK != 0 && !self.inside;
-        below
-            || (culled
-                && to_node.dot(node.normal) - distance * node.deviation - reach * (1.0 + node.deviation)
-                    > 0.0)
+/// Cuts of eight groups at a time: neighbours need nearly the same nodes.
+struct Cutting<'a> {
+    tree: &'a SurfelTree,
+    groups: &'a [ReceiverBounds],
+    settings: &'a CutSettings,
+}
+
+impl LaneTask for Cutting<'_> {
+    type Output = [Vec<u32>; LANES];
+
+    #[inline(always)]
+    fn run<F: F32x8>(self) -> Self::Output {
+        let groups = EightGroups::<F>::new(self.groups, self.settings);
+        let mut cuts: [Vec<u32>; LANES] = Default::default();
+        // Nodes to look at, and for which of the groups.
+        let mut stack = vec![(0, (1u32 << self.groups.len().min(LANES)) - 1)];
+        while let Some((i, asking)) = stack.pop() {
+            let node = &self.tree.nodes[i as usize];
+            let seeing = asking & !groups.cannot_see(node);
+            let drawing = if node.child == 0 { seeing } else { seeing & groups.may_draw(node) };
+            for_each_bit(drawing, |lane| cuts[lane].push(node.drawable));
+            if seeing != drawing {
+                // The first child is taken first, so that a cut keeps the tree's order.
+                stack.push((node.child + 1, seeing & !drawing));
+                stack.push((node.child, seeing & !drawing));
+            }
+        }
+        cuts
+    }
+}
+
+#[inline(always)]
+fn for_each_bit(mut bits: u32, mut f: impl FnMut(usize)) {
+    while bits != 0 {
+        f(bits.trailing_zeros() as usize % LANES);
+        bits &= bits - 1;
+    }
+}
+
+/// Eight [`ReceiverBounds`] side by side.
+struct EightGroups<F> {
+    centre: [F; 3],
+    radius: F,
+    normal: [F; 3],
+    deviation: F,
+    /// Groups for which nothing may be culled from behind, one bit each.
+    inside: u32,
+    /// A node may be drawn as one disc when its radius over its distance is below this.
+    limit: F,
+}
+
+impl<F: F32x8> EightGroups<F> {
+    #[inline(always)]
+    fn new(groups: &[ReceiverBounds], settings: &CutSettings) -> Self {
+        let lanes = |f: &dyn Fn(&ReceiverBounds) -> f32| {
+            F::load(&std::array::from_fn(|i| groups.get(i).map_or(0.0, f)))
+        };
+        let inside = groups.iter().take(LANES).enumerate().map(|(i, group)| u32::from(group.inside) << i);
+        Self {
+            centre: std::array::from_fn(|k| lanes(&|group| group.centre[k])),
+            radius: lanes(&|group| group.radius),
+            normal: std::array::from_fn(|k| lanes(&|group| group.normal[k])),
+            deviation: lanes(&|group| group.deviation),
+            inside: inside.sum(),
+            // A cluster of radius r at distance d spans 2 r / d of a face that is 2 wide and `resolution` pixels across.
+            limit: F::splat(settings.lod / settings.resolution as f32),
+        }
     }
 
-    /// Whether the node may be drawn as one disc for every receiver of the group.
-    fn may_draw(&self, node: &Node, limit: f32) -> bool {
-        let distance = node.centre.distance(self.centre) - self.radius;
-        distance > node.bound && node.radius < limit * distance && node.deviation < MAX_NORMAL_DEVIATION
+    /// Groups of which no receiver can see anything of the node: it is below all horizons, or shows only culled backs.
+    #[inline(always)]
+    fn cannot_see(&self, node: &Node) -> u32 {
+        let (zero, one) = (F::splat(0.0), F::splat(1.0));
+        let to_node = self.to(node);
+        let distance = dot(to_node, to_node).sqrt();
+        let reach = F::splat(node.bound) + self.radius;
+        let height = dot(to_node, self.normal) + distance * self.deviation + reach * (one + self.deviation);
+        let below = zero.gt(height).bits();
+        if node.flags & FLAG_CULL_BACK == 0 {
+            return below;
+        }
+        let deviation = F::splat(node.deviation);
+        let behind = dot(to_node, vector(node.normal)) - distance * deviation - reach * (one + deviation);
+        below | behind.gt(zero).bits() & !self.inside
+    }
+
+    /// Groups for every receiver of which the node may be drawn as one disc.
+    #[inline(always)]
+    fn may_draw(&self, node: &Node) -> u32 {
+        if node.deviation >= MAX_NORMAL_DEVIATION {
+            return 0;
+        }
+        let to_node = self.to(node);
+        let distance = dot(to_node, to_node).sqrt() - self.radius;
+        let clear = distance.gt(F::splat(node.bound));
+        clear.and((self.limit * distance).gt(F::splat(node.radius))).bits()
+    }
+
+    #[inline(always)]
+    fn to(&self, node: &Node) -> [F; 3] {
+        let centre: [F; 3] = vector(node.centre);
+        std::array::from_fn(|k| centre[k] - self.centre[k])
     }
 }

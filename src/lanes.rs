@@ -1,22 +1,47 @@
 //! Eight f32 side by side, in two makes: AVX2 registers where the processor has them, plain arrays elsewhere. Neither ever
-//! fuses a multiplication with an addition, so that results equal the shaders' to the bit.
+//! fuses a multiplication with an addition, so that results equal the shaders' and each other's to the bit.
+//!
+//! Work that can be done in either make is a [`LaneTask`]; [`run`] picks the make.
 
+use glam::Vec3;
 use std::ops::{Add, Mul, Sub};
 
 /// Number of lanes.
 pub const LANES: usize = 8;
 
+/// Work on eight numbers at a time, in whatever make they come.
+pub trait LaneTask {
+    /// What comes out.
+    type Output;
+
+    /// Does the work. Mark it, and all that it calls with lanes, `#[inline(always)]`: only what is inlined here is compiled
+    /// for the processor's own registers.
+    fn run<F: F32x8>(self) -> Self::Output;
+}
+
+/// Does a task with the widest registers that the processor has.
+pub fn run<T: LaneTask>(task: T) -> T::Output {
+    #[cfg(target_arch = "x86_64")]
+    if avx2::available() {
+        // SAFETY: the processor has the features that the function is compiled for, as asked the line before.
+        return unsafe { avx2::run(task) };
+    }
+    task.run::<Portable>()
+}
+
 /// Eight numbers.
 pub trait F32x8: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {
     /// Eight truth values.
-    type Mask: Mask8<Float = Self>;
+    type Mask: Mask8<Float = Self, Whole = Self::Whole>;
+    /// Eight whole numbers.
+    type Whole: U32x8;
 
     /// The same number in every lane.
     fn splat(x: f32) -> Self;
     /// Eight numbers from memory.
     fn load(from: &[f32; LANES]) -> Self;
-    /// Eight numbers as an array.
-    fn to_array(self) -> [f32; LANES];
+    /// Eight numbers to memory.
+    fn store(self, to: &mut [f32; LANES]);
     /// Square roots.
     fn sqrt(self) -> Self;
     /// Reciprocals, correctly rounded.
@@ -43,15 +68,39 @@ pub trait F32x8: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = S
 pub trait Mask8: Copy {
     /// The numbers that it selects among.
     type Float;
+    /// The whole numbers that it selects among.
+    type Whole;
 
     /// Both.
     fn and(self, o: Self) -> Self;
     /// `a` where set, else `b`.
     fn select(self, a: Self::Float, b: Self::Float) -> Self::Float;
-    /// Writes `id` where set.
-    fn write(self, id: u32, to: &mut [u32; LANES]);
+    /// `a` where set, else `b`.
+    fn select_whole(self, a: Self::Whole, b: Self::Whole) -> Self::Whole;
     /// One bit a lane.
     fn bits(self) -> u32;
+}
+
+/// Eight whole numbers, to be selected among.
+pub trait U32x8: Copy {
+    /// The same number in every lane.
+    fn splat(x: u32) -> Self;
+    /// Eight numbers from memory.
+    fn load(from: &[u32; LANES]) -> Self;
+    /// Eight numbers to memory.
+    fn store(self, to: &mut [u32; LANES]);
+}
+
+/// The same vector in every lane.
+#[inline(always)]
+pub fn vector<F: F32x8>(v: Vec3) -> [F; 3] {
+    [F::splat(v.x), F::splat(v.y), F::splat(v.z)]
+}
+
+/// Dot products, in the order of operations of [`crate::hemicube::cover::dot`].
+#[inline(always)]
+pub fn dot<F: F32x8>(a: [F; 3], b: [F; 3]) -> F {
+    (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]
 }
 
 /// Plain arrays.
@@ -75,10 +124,11 @@ macro_rules! lanewise {
 #[rustfmt::skip]
 impl F32x8 for Portable {
     type Mask = PortableMask;
+    type Whole = [u32; LANES];
 
     #[inline(always)] fn splat(x: f32) -> Self { Self([x; LANES]) }
     #[inline(always)] fn load(from: &[f32; LANES]) -> Self { Self(*from) }
-    #[inline(always)] fn to_array(self) -> [f32; LANES] { self.0 }
+    #[inline(always)] fn store(self, to: &mut [f32; LANES]) { *to = self.0; }
     #[inline(always)] fn sqrt(self) -> Self { lanewise!(Portable, |i| self.0[i].sqrt()) }
     #[inline(always)] fn recip(self) -> Self { lanewise!(Portable, |i| 1.0 / self.0[i]) }
     #[inline(always)] fn abs(self) -> Self { lanewise!(Portable, |i| self.0[i].abs()) }
@@ -94,11 +144,29 @@ impl F32x8 for Portable {
 #[rustfmt::skip]
 impl Mask8 for PortableMask {
     type Float = Portable;
+    type Whole = [u32; LANES];
 
     #[inline(always)] fn and(self, o: Self) -> Self { lanewise!(PortableMask, |i| self.0[i] && o.0[i]) }
     #[inline(always)] fn select(self, a: Portable, b: Portable) -> Portable { lanewise!(Portable, |i| if self.0[i] { a.0[i] } else { b.0[i] }) }
-    #[inline(always)] fn write(self, id: u32, to: &mut [u32; LANES]) { (0..LANES).filter(|&i| self.0[i]).for_each(|i| to[i] = id); }
+    #[inline(always)] fn select_whole(self, a: [u32; LANES], b: [u32; LANES]) -> [u32; LANES] { std::array::from_fn(|i| if self.0[i] { a[i] } else { b[i] }) }
     #[inline(always)] fn bits(self) -> u32 { (0..LANES).fold(0, |bits, i| bits | u32::from(self.0[i]) << i) }
+}
+
+impl U32x8 for [u32; LANES] {
+    #[inline(always)]
+    fn splat(x: u32) -> Self {
+        [x; LANES]
+    }
+
+    #[inline(always)]
+    fn load(from: &[u32; LANES]) -> Self {
+        *from
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut [u32; LANES]) {
+        *to = self;
+    }
 }
 
 impl Add for Portable {
@@ -131,17 +199,34 @@ impl Mul for Portable {
 /// AVX2 registers.
 #[cfg(target_arch = "x86_64")]
 pub mod avx2 {
-    use super::{Add, F32x8, LANES, Mask8, Mul, Sub};
+    use super::{Add, F32x8, LANES, LaneTask, Mask8, Mul, Sub, U32x8};
     use std::arch::x86_64::*;
+
+    /// Whether the processor has AVX2 and the bit counting that has always come with it.
+    pub fn available() -> bool {
+        std::arch::is_x86_feature_detected!("avx2")
+            && std::arch::is_x86_feature_detected!("bmi1")
+            && std::arch::is_x86_feature_detected!("popcnt")
+    }
+
+    /// Does a task, compiled for AVX2 (without FMA: it would round differently).
+    #[target_feature(enable = "avx2,bmi1,popcnt")]
+    pub fn run<T: LaneTask>(task: T) -> T::Output {
+        task.run::<Avx2>()
+    }
 
     /// A register of eight numbers. Make and use it only in functions compiled for AVX2.
     #[derive(Debug, Clone, Copy)]
     pub struct Avx2(__m256);
 
+    /// A register of eight whole numbers, under the same condition.
+    #[derive(Debug, Clone, Copy)]
+    pub struct Avx2Whole(__m256i);
+
     /// Wraps an intrinsic; everything is inlined into the one function that is compiled for AVX2.
     macro_rules! intrinsic {
         ($value:expr) => {
-            // SAFETY: values of `Avx2` exist only in code that is entered after AVX2 was detected; the intrinsics have no other
+            // SAFETY: these types are used only in code that is entered after AVX2 was detected; the intrinsics have no other
             // requirement (loads and stores go through references to whole arrays, and are the unaligned kind).
             unsafe { $value }
         };
@@ -150,9 +235,11 @@ pub mod avx2 {
     #[rustfmt::skip]
     impl F32x8 for Avx2 {
         type Mask = Avx2;
+        type Whole = Avx2Whole;
 
         #[inline(always)] fn splat(x: f32) -> Self { Self(intrinsic!(_mm256_set1_ps(x))) }
         #[inline(always)] fn load(from: &[f32; LANES]) -> Self { Self(intrinsic!(_mm256_loadu_ps(from.as_ptr()))) }
+        #[inline(always)] fn store(self, to: &mut [f32; LANES]) { intrinsic!(_mm256_storeu_ps(to.as_mut_ptr(), self.0)); }
         #[inline(always)] fn sqrt(self) -> Self { Self(intrinsic!(_mm256_sqrt_ps(self.0))) }
         #[inline(always)] fn recip(self) -> Self { Self(intrinsic!(_mm256_div_ps(_mm256_set1_ps(1.0), self.0))) }
         #[inline(always)] fn abs(self) -> Self { Self(intrinsic!(_mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0))) }
@@ -163,32 +250,28 @@ pub mod avx2 {
         #[inline(always)] fn floor(self) -> Self { Self(intrinsic!(_mm256_floor_ps(self.0))) }
         #[inline(always)] fn gt(self, o: Self) -> Self { Self(intrinsic!(_mm256_cmp_ps::<_CMP_GT_OQ>(self.0, o.0))) }
         #[inline(always)] fn le(self, o: Self) -> Self { Self(intrinsic!(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, o.0))) }
-
-        #[inline(always)]
-        fn to_array(self) -> [f32; LANES] {
-            let mut array = [0.0; LANES];
-            intrinsic!(_mm256_storeu_ps(array.as_mut_ptr(), self.0));
-            array
-        }
     }
 
     #[rustfmt::skip]
     impl Mask8 for Avx2 {
         type Float = Avx2;
+        type Whole = Avx2Whole;
 
         #[inline(always)] fn and(self, o: Self) -> Self { Self(intrinsic!(_mm256_and_ps(self.0, o.0))) }
         #[inline(always)] fn select(self, a: Self, b: Self) -> Self { Self(intrinsic!(_mm256_blendv_ps(b.0, a.0, self.0))) }
         #[inline(always)] fn bits(self) -> u32 { intrinsic!(_mm256_movemask_ps(self.0)) as u32 }
 
         #[inline(always)]
-        fn write(self, id: u32, to: &mut [u32; LANES]) {
-            // Blending all lanes: masked stores take dozens of cycles on some processors.
-            intrinsic!({
-                let place: *mut __m256i = to.as_mut_ptr().cast();
-                let (old, new) = (_mm256_loadu_si256(place), _mm256_set1_epi32(id as i32));
-                _mm256_storeu_si256(place, _mm256_blendv_epi8(old, new, _mm256_castps_si256(self.0)));
-            });
+        fn select_whole(self, a: Avx2Whole, b: Avx2Whole) -> Avx2Whole {
+            Avx2Whole(intrinsic!(_mm256_blendv_epi8(b.0, a.0, _mm256_castps_si256(self.0))))
         }
+    }
+
+    #[rustfmt::skip]
+    impl U32x8 for Avx2Whole {
+        #[inline(always)] fn splat(x: u32) -> Self { Self(intrinsic!(_mm256_set1_epi32(x as i32))) }
+        #[inline(always)] fn load(from: &[u32; LANES]) -> Self { Self(intrinsic!(_mm256_loadu_si256(from.as_ptr().cast()))) }
+        #[inline(always)] fn store(self, to: &mut [u32; LANES]) { intrinsic!(_mm256_storeu_si256(to.as_mut_ptr().cast(), self.0)); }
     }
 
     #[rustfmt::skip]

@@ -1,0 +1,124 @@
+//! Whole gathers a second on real cuts: `cargo bench --bench gathers`.
+//!
+//! Everything between a picture's shading points and their irradiance counts: ordering, cuts, drawing and convolution, at
+//! the points of a 500 x 500 view of the measured Cornell box, default settings, on the CPU. Three orders of the same points
+//! are compared (Wang et al. 2012): ours, that of the picture, and none at all; groups hold up to 16 points in each.
+//! `cargo bench --bench gathers -- N...` draws N x N faces instead of 8 x 8.
+
+use glam::DVec3;
+use std::time::{Duration, Instant};
+use surflux::error::Result;
+use surflux::gather::device::DeviceRequest;
+use surflux::gather::order::{compact_order, in_batches};
+use surflux::gather::stage::gather_all;
+use surflux::hemicube::frame::Receiver;
+use surflux::math::hash32;
+use surflux::render::estimates;
+use surflux::run::Run;
+use surflux::scene::{Camera, Scene, load};
+use surflux::settings::Settings;
+use surflux::shading::points::{CameraSample, View};
+use surflux::surfel::tree::CutSettings;
+use surflux::world::World;
+
+/// Edge of the picture, pixels.
+const PICTURE: u32 = 500;
+/// Points that are ordered together, as `render` does.
+const CHUNK: usize = 1 << 15;
+/// Passes over the picture; the fastest counts, because other work on the machine only ever slows one down.
+const REPEATS: usize = 3;
+
+/// A way to sort receivers: indices in the order of gathering.
+type Order = fn(&[Receiver]) -> Vec<u32>;
+
+fn main() -> Result<()> {
+    let given: Vec<u32> = std::env::args().skip(1).filter_map(|a| a.parse().ok()).collect();
+    println!("| N | order | gathers/s | cut, nodes | order and cuts, us | draw and convolve, us |");
+    println!("|--:|-------|----------:|-----------:|-------------------:|----------------------:|");
+    for resolution in if given.is_empty() { vec![8] } else { given } {
+        let settings =
+            Settings { device: DeviceRequest::Cpu, face_resolution: resolution, ..Settings::default() };
+        let world = cornell_box(&settings)?;
+        let receivers = shading_points(&world)?;
+        for (name, order) in [("compact", compact_order as Order), ("picture", picture), ("random", random)] {
+            row(name, &world, &settings, &receivers, order)?;
+        }
+    }
+    Ok(())
+}
+
+fn cornell_box(settings: &Settings) -> Result<World> {
+    let description = load(&["scenes/cornell-measured.obj".into()])?;
+    World::prepare(Scene::new(&description)?, None, settings, &Run::default())
+}
+
+fn shading_points(world: &World) -> Result<Vec<Receiver>> {
+    let (from, at) = (DVec3::new(278.0, 273.0, -800.0), DVec3::new(278.0, 273.0, 0.0));
+    let camera = Camera::look_at(from, at, DVec3::Y, 39.3077)?;
+    let view = View::new(&world.scene, &camera, PICTURE, PICTURE, 1, 0);
+    let samples = view.trace(&world.accel, 0, view.sample_count() as usize);
+    let receiver = |sample: &CameraSample| match sample {
+        CameraSample::Surface(p) if !p.black => {
+            Some(world.receiver(p.position, p.shading_normal, p.gather_seed(0)))
+        }
+        _ => None,
+    };
+    Ok(samples.iter().filter_map(receiver).collect())
+}
+
+fn picture(receivers: &[Receiver]) -> Vec<u32> {
+    (0..receivers.len() as u32).collect()
+}
+
+fn random(receivers: &[Receiver]) -> Vec<u32> {
+    let mut order = picture(receivers);
+    order.sort_by_key(|&i| hash32(i));
+    order
+}
+
+/// What a pass over the picture took.
+#[derive(Clone, Copy)]
+struct Pass {
+    cutting: Duration,
+    gathering: Duration,
+    /// Nodes of all cuts, each counted once a receiver.
+    nodes: usize,
+}
+
+fn row(name: &str, world: &World, settings: &Settings, receivers: &[Receiver], order: Order) -> Result<()> {
+    let passes: Vec<Pass> =
+        (0..REPEATS).map(|_| pass(world, settings, receivers, order)).collect::<Result<_>>()?;
+    let Some(best) = passes.into_iter().min_by_key(|p| p.cutting + p.gathering) else { return Ok(()) };
+    let count = receivers.len() as f64;
+    let each = |time: Duration| time.as_secs_f64() * 1e6 / count;
+    println!(
+        "| {} | {name} | {:.0} | {:.0} | {:.2} | {:.2} |",
+        settings.face_resolution,
+        1e6 / each(best.cutting + best.gathering),
+        best.nodes as f64 / count,
+        each(best.cutting),
+        each(best.gathering)
+    );
+    Ok(())
+}
+
+fn pass(world: &World, settings: &Settings, receivers: &[Receiver], order: Order) -> Result<Pass> {
+    let mut gatherer = world.gatherer(settings)?;
+    let convolver = world.convolver();
+    let cut = CutSettings { lod: settings.lod, resolution: settings.face_resolution };
+    let mut pass = Pass { cutting: Duration::ZERO, gathering: Duration::ZERO, nodes: 0 };
+    for chunk in receivers.chunks(CHUNK) {
+        let start = Instant::now();
+        let ordered = in_batches(chunk, order(chunk), world.tree.as_ref(), &cut, gatherer.batch_size());
+        pass.cutting += start.elapsed();
+        let groups = ordered.batches.iter().flat_map(|batch| &batch.groups);
+        pass.nodes += groups.map(|g| g.receivers as usize * g.drawables as usize).sum::<usize>();
+        let start = Instant::now();
+        gather_all(gatherer.as_mut(), ordered.batches, &Run::default(), |gathered| {
+            std::hint::black_box(estimates(gathered, &convolver));
+            Ok(())
+        })?;
+        pass.gathering += start.elapsed();
+    }
+    Ok(pass)
+}

@@ -1,6 +1,6 @@
 //! What a traced gather loses by looking light up among surfels, how noisy it is, and how many a second there are.
 //!
-//! `cargo bench --bench traced [-- SCENE]` (default: the Cornell box)
+//! `cargo bench --bench traced [-- SCENE] [--speed]` (default: the Cornell box; `--speed` leaves accuracy out)
 
 #[path = "../tests/surfel_scenes/mod.rs"]
 #[allow(dead_code, reason = "the tests use the rest")]
@@ -32,14 +32,20 @@ fn main() {
     let given = std::env::args().skip(1).find(|a| !a.starts_with("--"));
     let path = PathBuf::from(given.unwrap_or_else(|| "scenes/cornell-measured.obj".into()));
     println!("{}", path.display());
-    println!("| surfels | shadow rays | lookup made in ms | kB | RMS % | bias % | worst % |");
-    println!("|---:|---:|---:|---:|---:|---:|---:|");
-    for (surfels, light_samples) in [(2_000, 16), (5_000, 16), (14_000, 4), (14_000, 16), (50_000, 16)] {
-        accuracy(&world(&path, surfels, light_samples), light_samples);
+    if !std::env::args().any(|a| a == "--speed") {
+        accuracies(&path);
     }
     println!("\n| rays | noise, RMS % | gathers a second |\n|---:|---:|---:|");
     let world = world(&path, 14_000, 16);
     [32, 48, 64, 128, 256].iter().for_each(|&samples| noise_and_speed(&world, samples));
+}
+
+fn accuracies(path: &PathBuf) {
+    println!("| surfels | shadow rays | lookup made in ms | kB | RMS % | bias % | worst % |");
+    println!("|---:|---:|---:|---:|---:|---:|---:|");
+    for (surfels, light_samples) in [(2_000, 16), (5_000, 16), (14_000, 4), (14_000, 16), (50_000, 16)] {
+        accuracy(&world(path, surfels, light_samples), light_samples);
+    }
 }
 
 fn world(path: &PathBuf, surfels: u64, light_samples: u32) -> World {
@@ -59,8 +65,9 @@ fn receivers(world: &World) -> Vec<Receiver> {
 /// Looks up the very hits that are shaded exactly, so that nothing but the lookup's error shows.
 fn accuracy(world: &World, light_samples: u32) {
     let start = Instant::now();
-    let lookup = RadianceLookup::new(&world.scene, &world.cloud);
+    let lookup = RadianceLookup::new(&world.accel, &world.closed, &world.cloud);
     let seconds = start.elapsed().as_secs_f64();
+    let start = Instant::now();
     let pairs: Vec<(DVec3, DVec3)> = receivers(world).par_iter().map(|r| pair(world, &lookup, r)).collect();
     let (rms, bias, worst) = errors(&pairs);
     println!(

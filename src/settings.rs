@@ -3,7 +3,6 @@
 pub use crate::direct::Emitters;
 use crate::gather::device::DeviceRequest;
 pub use crate::gather::monte_carlo::Bounces;
-use crate::gather::traced;
 pub use crate::gather::vulkan::BatchSize;
 use crate::surfel::cloud::SurfelShape;
 
@@ -21,12 +20,38 @@ pub enum GatherMethod {
     None,
 }
 
-impl GatherMethod {
-    /// Rays a gather unless the user says otherwise.
-    pub fn default_samples(self) -> u32 {
-        match self {
-            Self::Traced => traced::DEFAULT_SAMPLES,
-            Self::Hemicube | Self::MonteCarlo | Self::None => 256,
+/// A named point on the measured frontier of speed and accuracy.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub enum Quality {
+    /// A first look
+    Draft,
+    /// Good enough to judge light by
+    Preview,
+    /// A picture to keep
+    #[default]
+    Final,
+    /// As exact as is sensible
+    Reference,
+}
+
+impl Quality {
+    /// The settings of that quality for a way of gathering. The Monte Carlo referee gathers at every shading point.
+    pub fn settings(self, gather: GatherMethod) -> Settings {
+        let density = SurfelDensity::Count([4_000, 6_000, 14_000, 30_000][self as usize]);
+        let interpolate = [0.04, 0.02, 0.01, 0.005][self as usize];
+        Settings {
+            gather,
+            face_resolution: [8, 8, 8, 16][self as usize],
+            density,
+            lod: [2.0, 2.0, 1.5, 1.0][self as usize],
+            interpolate: (gather != GatherMethod::MonteCarlo).then_some(interpolate),
+            light_samples: [4, 8, 16, 64][self as usize],
+            gather_samples: match gather {
+                GatherMethod::MonteCarlo => 256,
+                _ => [32, 48, 128, 256][self as usize],
+            },
+            samples: [4, 9, 16, 64][self as usize],
+            ..Settings::default()
         }
     }
 }
@@ -95,6 +120,8 @@ pub struct Settings {
     pub light_samples: u32,
     /// Rays a traced or Monte Carlo gather.
     pub gather_samples: u32,
+    /// Camera rays that a pixel may get.
+    pub samples: u32,
     /// Hemicubes a batch.
     pub batch: BatchSize,
     /// Batches under way at once.
@@ -119,6 +146,7 @@ impl Default for Settings {
             emitters: Emitters::Sample,
             light_samples: 4,
             gather_samples: 256,
+            samples: 1,
             batch: BatchSize::Auto,
             frames_in_flight: 3,
             seed: 0,

@@ -49,7 +49,8 @@ pub struct World {
     pub weights: Weights,
     /// What gathers, and why that.
     pub device: Choice,
-    closed: ClosedTest,
+    /// Which surfaces are closed.
+    pub closed: ClosedTest,
 }
 
 impl World {
@@ -94,11 +95,13 @@ impl World {
         self.bounce(settings, run)
     }
 
-    /// Rays see true surfaces: which surfels could be culled, and the tree, do not matter to them.
+    /// Rays see true surfaces, one by one: they need no tree.
     fn prepare_tracing(&mut self, cloud: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<()> {
+        self.closed = run.clock.time(Stage::Surfels, || ClosedTest::new(&self.scene, &self.accel));
         self.cloud = run.clock.time(Stage::Surfels, || self.surfels(cloud, settings))?;
         self.bounce(settings, run)?;
-        let lookup = run.clock.time(Stage::Surfels, || RadianceLookup::new(&self.scene, &self.cloud));
+        let lookup =
+            run.clock.time(Stage::Surfels, || RadianceLookup::new(&self.accel, &self.closed, &self.cloud));
         run.reporter.verbose(|| {
             format!("{} surfels, looked up in {} kB", self.cloud.len(), lookup.bytes().div_ceil(1000))
         });
@@ -152,7 +155,7 @@ impl World {
         }
         self.drawables.relight(&self.cloud, self.tree.as_ref());
         if let Some(lookup) = &mut self.lookup {
-            *lookup = RadianceLookup::new(&self.scene, &self.cloud);
+            *lookup = RadianceLookup::new(&self.accel, &self.closed, &self.cloud);
         }
     }
 
@@ -177,7 +180,7 @@ impl World {
         if settings.gather == GatherMethod::Traced {
             // Traced rows suit traced gathers: they need no tree, and what they see is exact.
             let rays = TracedSettings { samples: settings.gather_samples, seed: settings.seed };
-            let lookup = SideLookup::new(&self.scene, &self.cloud);
+            let lookup = SideLookup::new(&self.accel, &self.closed, &self.cloud);
             let rows = form_factors(&self.accel, &lookup, rays, &receivers)?;
             return Ok(Transfer::from_rows(sides, rows));
         }

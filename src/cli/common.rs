@@ -6,7 +6,7 @@ use crate::hemicube::frame::{MAX_RESOLUTION, MIN_RESOLUTION};
 use crate::progress::Reporter;
 use crate::run::Run;
 use crate::scene::{Camera, PunctualEmission, PunctualLight, Scene, SceneDescription, default_framing, load};
-use crate::settings::{BatchSize, Bounces, Emitters, GatherMethod, Settings, SurfelDensity};
+use crate::settings::{BatchSize, Bounces, GatherMethod, Quality, Settings, SurfelDensity};
 use crate::surfel::cloud::{SurfelCloud, SurfelShape};
 use clap::Args;
 use glam::{DVec3, Vec3};
@@ -59,11 +59,15 @@ pub struct TransportArgs {
     #[arg(long, value_enum, default_value_t)]
     pub gather: GatherMethod,
 
-    /// Pixels along a hemicube face's edge: even, 4 to 256
-    #[arg(long, value_name = "N", default_value_t = 8, value_parser = face_resolution)]
-    pub face_resolution: u32,
+    /// A point on the frontier of speed and accuracy; the options below that name no default take it from here
+    #[arg(long, value_enum, default_value_t)]
+    pub quality: Quality,
 
-    /// Number of surfels, shared among primitives by area [default: 14000]
+    /// Pixels along a hemicube face's edge: even, 4 to 256
+    #[arg(long, value_name = "N", value_parser = face_resolution)]
+    pub face_resolution: Option<u32>,
+
+    /// Number of surfels, shared among primitives by area
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), group = "density")]
     pub surfels: Option<u64>,
 
@@ -84,22 +88,23 @@ pub struct TransportArgs {
     pub surfel_shape: SurfelShape,
 
     /// Largest size, in hemicube pixels, at which a cluster of surfels is drawn as one disc; 0 draws surfels only
-    #[arg(long, value_name = "PIXELS", default_value_t = 2.0, value_parser = lod)]
-    pub lod: f32,
+    #[arg(long, value_name = "PIXELS", value_parser = lod)]
+    pub lod: Option<f32>,
 
-    /// Gather at few points and interpolate between them, to within this relative error; 'off' gathers at every one
-    #[arg(long, value_name = "TOL|off", default_value = "0.01", value_parser = interpolate)]
-    pub interpolate: Interpolate,
+    /// Gather at few points and interpolate between them, to about this relative error; 'off' gathers at every one, as
+    /// Monte Carlo gathers do unless a tolerance is given
+    #[arg(long, value_name = "TOL|off", value_parser = interpolate)]
+    pub interpolate: Option<Interpolate>,
 
     /// Number of indirect bounces, or 'inf'
     #[arg(long, value_name = "K|inf", default_value = "1")]
     pub bounces: Bounces,
 
-    /// Shadow rays a light and shading point
-    #[arg(long, value_name = "S", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=65536))]
-    pub light_samples: u32,
+    /// Most shadow rays a light and shading point
+    #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub light_samples: Option<u32>,
 
-    /// Rays of a traced or Monte Carlo gather [default: 64 traced, 256 Monte Carlo]
+    /// Rays of a traced gather, or of a Monte Carlo gather (256 unless given)
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     pub gather_samples: Option<u32>,
 
@@ -163,27 +168,29 @@ impl CameraArgs {
 impl TransportArgs {
     /// The settings of the transport.
     pub fn settings(&self) -> Settings {
+        let gather = if self.bounces == Bounces::Count(0) { GatherMethod::None } else { self.gather };
+        let quality = self.quality.settings(gather);
         let density = match (self.surfel_spacing, self.surfels_per_primitive, self.surfels) {
             (Some(d), _, _) => SurfelDensity::Spacing(d),
             (_, Some(n), _) => SurfelDensity::PerPrimitive(n),
-            (_, _, n) => SurfelDensity::Count(n.unwrap_or(14_000)),
+            (_, _, Some(n)) => SurfelDensity::Count(n),
+            _ => quality.density,
         };
         Settings {
             device: self.device.clone(),
-            gather: if self.bounces == Bounces::Count(0) { GatherMethod::None } else { self.gather },
-            face_resolution: self.face_resolution,
+            face_resolution: self.face_resolution.unwrap_or(quality.face_resolution),
             density,
             shape: self.surfel_shape,
-            lod: self.lod,
-            interpolate: self.interpolate.0,
+            lod: self.lod.unwrap_or(quality.lod),
+            interpolate: self.interpolate.map_or(quality.interpolate, |Interpolate(tolerance)| tolerance),
             bounces: self.bounces,
-            emitters: Emitters::Sample,
-            light_samples: self.light_samples,
-            gather_samples: self.gather_samples.unwrap_or(self.gather.default_samples()),
+            light_samples: self.light_samples.unwrap_or(quality.light_samples),
+            gather_samples: self.gather_samples.unwrap_or(quality.gather_samples),
             batch: self.batch,
             frames_in_flight: self.frames_in_flight,
             seed: self.seed,
             validation: self.validate,
+            ..quality
         }
     }
 

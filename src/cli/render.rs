@@ -9,6 +9,7 @@ use crate::image_io::{ImageFormat, write};
 use crate::render::render;
 use crate::run::Run;
 use crate::scene::Scene;
+use crate::settings::Settings;
 use crate::shading::points::View;
 use crate::stats::{Stage, Stats};
 use crate::world::World;
@@ -34,9 +35,10 @@ pub struct RenderArgs {
     #[arg(long, value_name = "PIXELS", default_value_t = 500, value_parser = clap::value_parser!(u32).range(1..=32768))]
     height: u32,
 
-    /// Camera rays a pixel, jittered (anti-aliasing)
-    #[arg(long, value_name = "S", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=4096))]
-    samples: u32,
+    /// Most camera rays a pixel, jittered (anti-aliasing); only pixels on edges get more than one. Given by --quality
+    /// unless here
+    #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    samples: Option<u32>,
 
     /// Exposure of .png and .tga, stops
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_hyphen_values = true, value_parser = finite)]
@@ -73,7 +75,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
 fn render_to_file(args: &RenderArgs, format: ImageFormat) -> Result<()> {
     let started = Instant::now();
     let run = args.messages.run();
-    let settings = args.transport.settings();
+    let settings = settings(args);
     let (scene, camera) = run.clock.time(Stage::Load, || -> Result<_> {
         let description = args.scene.load(&run)?;
         let camera = args.camera.camera(&description)?;
@@ -81,20 +83,25 @@ fn render_to_file(args: &RenderArgs, format: ImageFormat) -> Result<()> {
     })?;
     let cloud = args.transport.cloud(&scene)?;
     let world = World::prepare(scene, cloud, &settings, &run)?;
-    let view = View::new(&world.scene, &camera, args.width, args.height, args.samples, settings.seed);
+    let view = View::new(&world.scene, &camera, args.width, args.height, settings.samples, settings.seed);
     let mut film = render(&world, &view, &settings, &args.aov, &run)?;
     match film.sanitise() {
         0 => {}
         n => run.reporter.warn(&format!("{n} pixels were not finite or negative and were set to black")),
     }
     run.clock.time(Stage::Write, || write(&film, &args.output, format, args.exposure))?;
-    report(args, &world, &run, started)
+    report(args, &settings, &world, &run, started)
 }
 
-fn report(args: &RenderArgs, world: &World, run: &Run, started: Instant) -> Result<()> {
+fn settings(args: &RenderArgs) -> Settings {
+    let settings = args.transport.settings();
+    Settings { samples: args.samples.unwrap_or(settings.samples), ..settings }
+}
+
+fn report(args: &RenderArgs, settings: &Settings, world: &World, run: &Run, started: Instant) -> Result<()> {
     let mut stats = Stats::new(&run.counters, &run.clock, started.elapsed());
     stats.device = world.device_info();
-    stats.image = [args.width, args.height, args.samples];
+    stats.image = [args.width, args.height, settings.samples];
     stats.surfels = world.cloud.len() as u64;
     stats.nodes = world.drawables.len() as u64;
     stats.features = world.scene.features();

@@ -15,9 +15,6 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Rays a receiver unless the user says otherwise.
-pub const DEFAULT_SAMPLES: u32 = 64;
-
 /// Receivers a batch: enough to keep many cores busy, few enough for steady progress.
 const BATCH: usize = 1024;
 

@@ -1,9 +1,10 @@
 //! The radiance that surfaces send, wherever a ray meets them: samples by primitive, interpolated between surfels once.
 
 use super::chart::Charts;
+use super::closed::ClosedTest;
 use super::cloud::SurfelCloud;
 use super::reconstruct::{Reconstruction, Spot};
-use crate::accel::SurfacePoint;
+use crate::accel::{Accel, SurfacePoint};
 use crate::scene::Scene;
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
@@ -22,9 +23,9 @@ pub struct RadianceLookup {
 
 impl RadianceLookup {
     /// Resamples a shaded cloud of the scene.
-    pub fn new(scene: &Scene, cloud: &SurfelCloud) -> Self {
+    pub fn new(accel: &Accel, closed: &ClosedTest, cloud: &SurfelCloud) -> Self {
         let (charts, samples) =
-            resample(scene, cloud, |surfels, spot, guess| surfels.radiance(spot, guess).into());
+            resample(accel, closed, cloud, |surfels, spot, guess| surfels.radiance(spot, guess).into());
         Self { charts, samples }
     }
 
@@ -58,8 +59,8 @@ pub struct SideLookup {
 
 impl SideLookup {
     /// Resamples a cloud of the scene.
-    pub fn new(scene: &Scene, cloud: &SurfelCloud) -> Self {
-        let (charts, samples) = resample(scene, cloud, |surfels, spot, guess| {
+    pub fn new(accel: &Accel, closed: &ClosedTest, cloud: &SurfelCloud) -> Self {
+        let (charts, samples) = resample(accel, closed, cloud, |surfels, spot, guess| {
             surfels.nearest(spot, guess).map(|surfel| surfels.side(surfel, spot.normal))
         });
         Self { charts, samples }
@@ -76,14 +77,16 @@ impl SideLookup {
 
 /// Asks a cloud for a value at each sample of a scene's charts, in their order.
 fn resample<T: Send>(
-    scene: &Scene,
+    accel: &Accel,
+    closed: &ClosedTest,
     cloud: &SurfelCloud,
     value: impl Fn(&Reconstruction, &Spot, &mut usize) -> T + Sync,
 ) -> (Charts, Vec<T>) {
+    let scene = accel.scene();
     let shares = shares(scene, cloud);
     let most = MOST_SAMPLES * (cloud.len() + scene.primitive_count()) as u64;
     let charts = Charts::new(scene, |primitive| shares[primitive as usize], most);
-    let surfels = Reconstruction::new(cloud);
+    let surfels = Reconstruction::new(cloud, accel, closed);
     let of_chart = |chart| {
         let mut guess = 0;
         let (surfels, value) = (&surfels, &value);
@@ -119,10 +122,8 @@ fn spots<'a>(scene: &'a Scene, charts: &'a Charts, index: usize) -> impl Iterato
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::accel::Accel;
     use crate::math::Rng;
     use crate::scene::{Material, SceneDescription, Shape};
-    use crate::surfel::closed::ClosedTest;
     use crate::surfel::cloud::SurfelShape;
     use crate::surfel::generate::{Density, GenerateSettings, generate};
     use glam::{DAffine3, DQuat, DVec3};
@@ -145,7 +146,7 @@ mod tests {
                 cloud.back_radiance[i] = light(cloud.position[i], -cloud.normal[i]);
             }
         }
-        RadianceLookup::new(accel.scene(), &cloud)
+        RadianceLookup::new(accel, &ClosedTest::none(), &cloud)
     }
 
     /// Largest difference from `light` over random rays towards points of the unit cube, from 2 units off.
@@ -239,7 +240,7 @@ mod tests {
         // Only the first sheet's surfels.
         let half = cloud.primitive.iter().filter(|&&p| p < 2).count();
         cloud.position.truncate(half);
-        let lookup = RadianceLookup::new(accel.scene(), &cloud);
+        let lookup = RadianceLookup::new(&accel, &ClosedTest::none(), &cloud);
         let hit = accel.closest_point(Vec3::new(0.1, 0.2, 2.0), Vec3::NEG_Z, f32::INFINITY).expect("a sheet");
         assert_eq!(hit.primitive / 2, 1, "the upper sheet is in front");
         assert_eq!(lookup.radiance(&hit), Vec3::ONE);
@@ -248,7 +249,7 @@ mod tests {
     #[test]
     fn without_surfels_everything_is_black() {
         let accel = accel(vec![quad(0.0, 1.0)], false);
-        let lookup = RadianceLookup::new(accel.scene(), &SurfelCloud::default());
+        let lookup = RadianceLookup::new(&accel, &ClosedTest::none(), &SurfelCloud::default());
         let hit = accel.closest_point(Vec3::Z * 0.2, Vec3::NEG_Z, f32::INFINITY).expect("the quad");
         assert_eq!(lookup.radiance(&hit), Vec3::ZERO);
     }

@@ -1,11 +1,14 @@
 //! Radiance between surfels: a weighted least-squares fit of a plane to the surfels around (moving least squares, Lancaster
 //! and Salkauskas 1981), which unlike a mean is unbiased at the edges of a surface, where surfels lie on one side only.
 
+use super::closed::ClosedTest;
 use super::cloud::{FLAG_TWO_SIDED, SurfelCloud};
 use super::kdtree::KdTree;
 use super::patch::ALIKE;
+use crate::accel::{Accel, offset_origin};
 use crate::math::Frame;
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
 
 /// Reach of the fit, in spacings of the surfels.
 const REACH: f32 = 2.0;
@@ -16,6 +19,9 @@ const SMOOTH: f32 = 0.7;
 /// Distance between parallel sheets, in spacings of the surfels, from which on they are told apart.
 const SHEETS: f32 = 0.2;
 
+/// Distance to what lies on a surfel, in spacings, below which it is covered.
+const COVERED: f32 = 0.1;
+
 /// Added to the spread of the surfels around, as a share of the reach squared: surfels in one line have no slope across.
 const RIDGE: f32 = 1e-3;
 
@@ -23,6 +29,8 @@ const RIDGE: f32 = 1e-3;
 pub struct Reconstruction<'a> {
     cloud: &'a SurfelCloud,
     tree: KdTree,
+    /// By side: whether it is hidden from everyone, see [`Reconstruction::new`].
+    hidden: Vec<bool>,
 }
 
 /// A side of a surface point.
@@ -38,8 +46,30 @@ pub struct Spot {
 
 impl<'a> Reconstruction<'a> {
     /// Prepares queries on a shaded cloud.
-    pub fn new(cloud: &'a SurfelCloud) -> Self {
-        Self { cloud, tree: KdTree::new(cloud.position.iter().copied()) }
+    ///
+    /// The floor under a box is dark, but nobody sees it. Fitted together with the floor around, it would take light from
+    /// what everybody sees: the foot of the box. So dark sides that are inside a closed surface or covered by something
+    /// count only where there are no others.
+    pub fn new(cloud: &'a SurfelCloud, accel: &Accel, closed: &ClosedTest) -> Self {
+        let tree = KdTree::new(cloud.position.iter().copied());
+        let mut all = Self { cloud, tree, hidden: Vec::new() };
+        let sides = (0..2 * cloud.len() as u32).into_par_iter().with_min_len(256);
+        all.hidden = sides.map(|side| all.is_hidden(side, accel, closed)).collect();
+        all
+    }
+
+    fn is_hidden(&self, side: u32, accel: &Accel, closed: &ClosedTest) -> bool {
+        let (i, back) = (side as usize / 2, !side.is_multiple_of(2));
+        let two_sided = self.cloud.flags[i] & FLAG_TWO_SIDED != 0;
+        // Nobody asks for the inside of a closed surface.
+        if back && (!two_sided || closed.culls(self.cloud.primitive[i])) || self.light(side) != Vec3::ZERO {
+            return false;
+        }
+        let (position, normal) = (self.cloud.position[i], self.cloud.normal[i]);
+        let normal = if back { -normal } else { normal };
+        let near = COVERED * self.cloud.area[i].sqrt();
+        accel.occluded(offset_origin(position, normal, normal), normal, near)
+            || closed.receiver_inside(accel, position, normal)
     }
 
     /// Radiance that a side of the surface sends, W sr-1 m-2; black only if the cloud is empty, or black itself. `guess`
@@ -55,13 +85,15 @@ impl<'a> Reconstruction<'a> {
     /// The surfel that stands for a spot: the nearest on the same surface; where the cloud has none, the nearest of the same
     /// material, or of any.
     pub fn nearest(&self, spot: &Spot, guess: &mut usize) -> Option<usize> {
-        let search = |alike: f32| {
+        let search = |alike: f32, hidden: bool| {
             self.tree.nearest(spot.position, *guess, |slot| {
                 let i = self.tree.order[slot] as usize;
-                self.cloud.material[i] == spot.material && self.cosine(i, spot.normal) >= alike
+                self.cloud.material[i] == spot.material
+                    && self.cosine(i, spot.normal) >= alike
+                    && (hidden || !self.hidden[self.side(i, spot.normal) as usize])
             })
         };
-        let slot = search(ALIKE).or_else(|| search(-2.0));
+        let slot = search(ALIKE, false).or_else(|| search(ALIKE, true)).or_else(|| search(-2.0, true));
         let slot = slot.or_else(|| self.tree.nearest(spot.position, *guess, |_| true))?;
         *guess = slot;
         Some(self.tree.order[slot] as usize)
@@ -96,13 +128,14 @@ impl<'a> Reconstruction<'a> {
             let normal = self.cloud.normal[i] * 1f32.copysign(self.cloud.normal[i].dot(spot.normal));
             // On one curved sheet, the two heights are equal and opposite.
             let height = 0.5 * offset.dot(spot.normal + normal);
-            if self.cosine(i, spot.normal) < SMOOTH || height.abs() > sheets {
+            let side = self.side(i, spot.normal);
+            if self.cosine(i, spot.normal) < SMOOTH || height.abs() > sheets || self.hidden[side as usize] {
                 return;
             }
             let falloff = 1.0 - squared / (reach * reach);
             let weight = self.cloud.area[i] * falloff * falloff;
             let at = Vec2::new(frame.tangent.dot(offset), frame.bitangent.dot(offset));
-            sums.add(weight, at, self.light(self.side(i, spot.normal)));
+            sums.add(weight, at, self.light(side));
         });
         sums.solve(RIDGE * reach * reach)
     }

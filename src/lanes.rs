@@ -42,6 +42,13 @@ pub trait F32x8: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = S
     fn load(from: &[f32; LANES]) -> Self;
     /// Eight numbers to memory.
     fn store(self, to: &mut [f32; LANES]);
+    /// The eight numbers.
+    #[inline(always)]
+    fn to_array(self) -> [f32; LANES] {
+        let mut array = [0.0; LANES];
+        self.store(&mut array);
+        array
+    }
     /// Square roots.
     fn sqrt(self) -> Self;
     /// Reciprocals, correctly rounded.

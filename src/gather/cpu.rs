@@ -130,7 +130,9 @@ impl<'a> CpuGatherer<'a> {
             for (face, texels) in tile.iter_mut().enumerate() {
                 for (y, row) in texels.chunks_exact_mut(n as usize).enumerate() {
                     let marks = raster.row(face, y as u32);
-                    row.iter_mut().zip(marks).for_each(|(id, &mark)| *id = visible.splats.ids[mark as usize / 2]);
+                    row.iter_mut()
+                        .zip(marks)
+                        .for_each(|(id, &mark)| *id = visible.splats.ids[mark as usize / 2]);
                 }
             }
         })?;

@@ -49,7 +49,14 @@ impl Local {
     /// Room for splats.
     pub fn new() -> Self {
         let none = [0.0; HELD];
-        Self { centre: [none; 3], plane: [none; 3], radius: none, mark: [0; HELD], axes: [[none; 3]; 2], len: 0 }
+        Self {
+            centre: [none; 3],
+            plane: [none; 3],
+            radius: none,
+            mark: [0; HELD],
+            axes: [[none; 3]; 2],
+            len: 0,
+        }
     }
 
     /// Forgets all splats.
@@ -60,7 +67,12 @@ impl Local {
     /// Projects block `b` and takes it in, unless none of it can be seen. Returns the place of its first splat, which of the
     /// eight can be seen (one bit each) and where they are.
     #[inline(always)]
-    pub fn add<F: F32x8>(&mut self, eye: &Eye, splats: &SplatLanes, b: usize) -> Option<(usize, u32, Extent<F>)> {
+    pub fn add<F: F32x8>(
+        &mut self,
+        eye: &Eye,
+        splats: &SplatLanes,
+        b: usize,
+    ) -> Option<(usize, u32, Extent<F>)> {
         let block = &splats.blocks[b];
         let (zero, origin) = (F::splat(0.0), vector::<F>(eye.position));
         let position: [F; 3] = load(&block.position);

@@ -3,13 +3,14 @@
 //! Both rasterisers (CPU and Vulkan) follow this module to the letter and give the same ids.
 
 pub mod atlas;
+pub mod bins;
+pub mod bounds;
 pub mod convolve;
 pub mod cover;
 pub mod estimate;
 pub mod frame;
 pub mod local;
-pub mod bins;
-pub mod bounds;
-pub mod splats;
+pub mod near_field;
 pub mod raster;
+pub mod splats;
 pub mod weights;

@@ -8,6 +8,7 @@ mod element;
 mod eliminate;
 pub mod file;
 pub mod generate;
+pub mod hidden;
 mod kdtree;
 pub mod lookup;
 mod patch;

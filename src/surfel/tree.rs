@@ -90,6 +90,12 @@ pub struct CutSettings {
 impl SurfelTree {
     /// Builds the hierarchy over a cloud of at least one surfel.
     pub fn new(cloud: &SurfelCloud) -> Self {
+        Self::weighted(cloud, cloud.area.clone())
+    }
+
+    /// The same, with another surface of each surfel than its area: none for those that nobody sees, so that they neither
+    /// darken nor widen clusters.
+    pub fn weighted(cloud: &SurfelCloud, area: Vec<f32>) -> Self {
         let boxes: Vec<(Vec3, Vec3)> = (0..cloud.len())
             .map(|i| {
                 let centre = cloud.position[i] + cloud.normal[i] * NORMAL_SPREAD;
@@ -99,7 +105,7 @@ impl SurfelTree {
         let shape = cluster(&boxes).nodes;
         let mut tree = Self {
             nodes: vec![Node::default(); shape.len()],
-            area: cloud.area.clone(),
+            area,
             splats: cloud.splats(),
             surfels: cloud.len(),
         };

@@ -1,7 +1,7 @@
 //! The weighted linear least-squares fit through the records around a point.
 
 use super::lanes::{PointLanes, RecordLanes};
-use crate::hemicube::lanes::{F32x8, LANES, Mask8};
+use crate::lanes::{F32x8, LANES, Mask8};
 use glam::Vec3;
 
 /// A record takes part in fits up to this many times its reach.

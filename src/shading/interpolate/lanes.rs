@@ -2,7 +2,7 @@
 
 use super::fit::{Fit, FitRecord, Points8, SUPPORT, fit};
 use super::record::Record;
-use crate::hemicube::lanes::{F32x8, LANES, Portable};
+use crate::lanes::{F32x8, LANES, Portable};
 use crate::math::Frame;
 use glam::Vec3;
 
@@ -89,5 +89,5 @@ impl PointLanes {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 fn fit_avx2(records: &RecordLanes, points: &PointLanes) -> [Fit; LANES] {
-    fit::<crate::hemicube::lanes::avx2::Avx2>(records, points)
+    fit::<crate::lanes::avx2::Avx2>(records, points)
 }

@@ -4,7 +4,7 @@ use super::fit::{Fit, SUPPORT};
 use super::lanes::{PointLanes, RecordLanes};
 use super::record::{Reaches, Record};
 use crate::gather::Estimate;
-use crate::hemicube::lanes::LANES;
+use crate::lanes::LANES;
 use crate::shading::points::{ShadingPoint, View};
 use crate::shading::visible::Visible;
 use glam::Vec3;

@@ -112,7 +112,7 @@ fn empty_share(gathering: &Gathering, settings: &Settings) -> f64 {
         world.receiver(point.position, point.normal, seed)
     };
     let receivers: Vec<_> = (0..64).map(receiver).collect();
-    let mut gatherer = world.gatherer(settings).expect("a device");
+    let mut gatherer = world.id_gatherer(settings).expect("a device");
     let ordered = world.order(&receivers, settings, gatherer.batch_size());
     let (mut empty, mut all) = (0, 0);
     gather_all(gatherer.as_mut(), ordered.batches, &Run::default(), |gathered| {

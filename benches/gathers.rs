@@ -13,18 +13,18 @@ use surflux::gather::order::{compact_order, in_batches};
 use surflux::gather::stage::gather_all;
 use surflux::hemicube::frame::Receiver;
 use surflux::math::hash32;
-use surflux::render::estimates;
 use surflux::run::Run;
 use surflux::scene::{Camera, Scene, load};
 use surflux::settings::Settings;
-use surflux::shading::points::{CameraSample, View};
+use surflux::shading::indirect::convolve;
+use surflux::shading::points::View;
 use surflux::surfel::tree::CutSettings;
 use surflux::world::World;
 
 /// Edge of the picture, pixels.
 const PICTURE: u32 = 500;
 /// Points that are ordered together, as `render` does.
-const CHUNK: usize = 1 << 15;
+const CHUNK: usize = 1 << 16;
 /// Passes over the picture; the fastest counts, because other work on the machine only ever slows one down.
 const REPEATS: usize = 3;
 
@@ -33,8 +33,12 @@ type Order = fn(&[Receiver]) -> Vec<u32>;
 
 fn main() -> Result<()> {
     let given: Vec<u32> = std::env::args().skip(1).filter_map(|a| a.parse().ok()).collect();
-    println!("| N | order | gathers/s | cut, nodes | order and cuts, us | draw and convolve, us |");
-    println!("|--:|-------|----------:|-----------:|-------------------:|----------------------:|");
+    println!(
+        "| N | order | gathers/s | cut, nodes | order and cuts, us | draw and convolve, us | processor, us |"
+    );
+    println!(
+        "|--:|-------|----------:|-----------:|-------------------:|----------------------:|--------------:|"
+    );
     for resolution in if given.is_empty() { vec![8] } else { given } {
         let settings =
             Settings { device: DeviceRequest::Cpu, face_resolution: resolution, ..Settings::default() };
@@ -56,14 +60,12 @@ fn shading_points(world: &World) -> Result<Vec<Receiver>> {
     let (from, at) = (DVec3::new(278.0, 273.0, -800.0), DVec3::new(278.0, 273.0, 0.0));
     let camera = Camera::look_at(from, at, DVec3::Y, 39.3077)?;
     let view = View::new(&world.scene, &camera, PICTURE, PICTURE, 1, 0);
-    let samples = view.trace(&world.accel, 0, view.sample_count() as usize);
-    let receiver = |sample: &CameraSample| match sample {
-        CameraSample::Surface(p) if !p.black => {
-            Some(world.receiver(p.position, p.shading_normal, p.gather_seed(0)))
-        }
-        _ => None,
+    let receiver = |pixel: u32| {
+        let point = view.trace_middle(&world.accel, pixel % PICTURE, pixel / PICTURE)?;
+        let receiver = world.receiver(point.position, point.shading_normal, point.gather_seed(0));
+        (!point.black).then_some(receiver)
     };
-    Ok(samples.iter().filter_map(receiver).collect())
+    Ok((0..PICTURE * PICTURE).filter_map(receiver).collect())
 }
 
 fn picture(receivers: &[Receiver]) -> Vec<u32> {
@@ -81,6 +83,8 @@ fn random(receivers: &[Receiver]) -> Vec<u32> {
 struct Pass {
     cutting: Duration,
     gathering: Duration,
+    /// Time of all processors together.
+    processor: Duration,
     /// Nodes of all cuts, each counted once a receiver.
     nodes: usize,
 }
@@ -92,12 +96,13 @@ fn row(name: &str, world: &World, settings: &Settings, receivers: &[Receiver], o
     let count = receivers.len() as f64;
     let each = |time: Duration| time.as_secs_f64() * 1e6 / count;
     println!(
-        "| {} | {name} | {:.0} | {:.0} | {:.2} | {:.2} |",
+        "| {} | {name} | {:.0} | {:.0} | {:.2} | {:.2} | {:.2} |",
         settings.face_resolution,
         1e6 / each(best.cutting + best.gathering),
         best.nodes as f64 / count,
         each(best.cutting),
-        each(best.gathering)
+        each(best.gathering),
+        each(best.processor)
     );
     Ok(())
 }
@@ -106,7 +111,9 @@ fn pass(world: &World, settings: &Settings, receivers: &[Receiver], order: Order
     let mut gatherer = world.gatherer(settings)?;
     let convolver = world.convolver();
     let cut = CutSettings { lod: settings.lod, resolution: settings.face_resolution };
-    let mut pass = Pass { cutting: Duration::ZERO, gathering: Duration::ZERO, nodes: 0 };
+    let mut pass =
+        Pass { cutting: Duration::ZERO, gathering: Duration::ZERO, processor: Duration::ZERO, nodes: 0 };
+    let before = processor_time();
     for chunk in receivers.chunks(CHUNK) {
         let start = Instant::now();
         let ordered = in_batches(chunk, order(chunk), world.tree.as_ref(), &cut, gatherer.batch_size());
@@ -115,10 +122,21 @@ fn pass(world: &World, settings: &Settings, receivers: &[Receiver], order: Order
         pass.nodes += groups.map(|g| g.receivers as usize * g.drawables as usize).sum::<usize>();
         let start = Instant::now();
         gather_all(gatherer.as_mut(), ordered.batches, &Run::default(), |gathered| {
-            std::hint::black_box(estimates(gathered, &convolver));
+            std::hint::black_box(convolve(gathered, &convolver));
             Ok(())
         })?;
         pass.gathering += start.elapsed();
     }
+    pass.processor = processor_time() - before;
     Ok(pass)
+}
+
+/// What all threads have used so far, as Linux counts it in hundredths of a second; zero elsewhere. Other work on the machine
+/// disturbs it less than it does the clock.
+fn processor_time() -> Duration {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    // User and system time are the 14th and 15th field; the second, in brackets, may hold blanks.
+    let fields = stat.rsplit(')').next().unwrap_or_default().split_whitespace();
+    let hundredths: u64 = fields.skip(11).take(2).filter_map(|field| field.parse::<u64>().ok()).sum();
+    Duration::from_millis(10 * hundredths)
 }

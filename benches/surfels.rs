@@ -7,6 +7,8 @@
 mod scenes;
 
 use std::time::Instant;
+use surflux::progress::Reporter;
+use surflux::scene::topology::Edges;
 use surflux::surfel::closed::ClosedTest;
 use surflux::surfel::cloud::SurfelShape;
 use surflux::surfel::generate::{Density, GenerateSettings, generate};
@@ -36,8 +38,9 @@ fn row(name: &str, shapes: Vec<surflux::scene::Shape>, count: u64, shape: Surfel
     let accel = scenes::prepare(shapes);
     let settings = GenerateSettings { density: Density::Count(count), shape, seed: 1 };
     let start = Instant::now();
-    let closed = ClosedTest::new(accel.scene(), &accel);
-    let cloud = match generate(accel.scene(), &closed, &settings) {
+    let edges = Edges::new(&accel.scene().triangles);
+    let closed = ClosedTest::new(accel.scene(), &edges, &accel);
+    let cloud = match generate(accel.scene(), &edges, &closed, &settings, &Reporter::default()) {
         Ok(cloud) => cloud,
         Err(error) => return println!("| {name} | {count} | {error} |"),
     };

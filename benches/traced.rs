@@ -6,13 +6,13 @@
 #[allow(dead_code, reason = "the tests use the rest")]
 mod scenes;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
 use std::path::PathBuf;
 use std::time::Instant;
-use surflux::accel::offset_origin;
-use surflux::direct::{LitPoint, Sampling};
+use surflux::accel::{Hit, SurfacePoint, offset_origin};
+use surflux::direct::LitPoint;
 use surflux::gather::traced::{TracedGatherer, TracedSettings};
 use surflux::hemicube::frame::Receiver;
 use surflux::math::{Frame, Rng, cosine_hemisphere};
@@ -25,8 +25,8 @@ use surflux::world::World;
 const RECEIVERS: usize = 1000;
 /// Rays a receiver, side by side: their square.
 const ROOT: u32 = 24;
-/// Shadow rays a light at a hit.
-const SHADOW_RAYS: u32 = 8;
+/// Unbiased estimates of the light at a hit.
+const SHADOW_RAYS: u32 = 16;
 
 fn main() {
     let given = std::env::args().skip(1).find(|a| !a.starts_with("--"));
@@ -43,8 +43,10 @@ fn main() {
 fn accuracies(path: &PathBuf) {
     println!("| surfels | shadow rays | lookup made in ms | kB | RMS % | bias % | worst % |");
     println!("|---:|---:|---:|---:|---:|---:|---:|");
+    let sparse = world(path, 2_000, 16);
+    let shaded = gather(&sparse, |hit, _, rng| shade(&sparse, hit, rng));
     for (surfels, light_samples) in [(2_000, 16), (5_000, 16), (14_000, 4), (14_000, 16), (50_000, 16)] {
-        accuracy(&world(path, surfels, light_samples), light_samples);
+        accuracy(&world(path, surfels, light_samples), light_samples, &shaded);
     }
 }
 
@@ -62,46 +64,49 @@ fn receivers(world: &World) -> Vec<Receiver> {
     points.into_iter().zip(0..).map(|((p, n), i)| world.receiver(p, n, i)).collect()
 }
 
-/// Looks up the very hits that are shaded exactly, so that nothing but the lookup's error shows.
-fn accuracy(world: &World, light_samples: u32) {
+/// How far gathers are off that look up the very hits for which `shaded` was found: nothing but the lookup's error shows.
+fn accuracy(world: &World, light_samples: u32, shaded: &[DVec3]) {
     let start = Instant::now();
     let lookup = RadianceLookup::new(&world.accel, &world.closed, &world.cloud);
-    let seconds = start.elapsed().as_secs_f64();
-    let start = Instant::now();
-    let pairs: Vec<(DVec3, DVec3)> = receivers(world).par_iter().map(|r| pair(world, &lookup, r)).collect();
+    let milliseconds = start.elapsed().as_secs_f64() * 1e3;
+    let looked_up = gather(world, |_, point, _| lookup.radiance(point));
+    let pairs: Vec<_> = looked_up.into_iter().zip(shaded.iter().copied()).collect();
     let (rms, bias, worst) = errors(&pairs);
     println!(
-        "| {} | {light_samples} | {:.1} | {} | {rms:.3} | {bias:.3} | {worst:.2} |",
+        "| {} | {light_samples} | {milliseconds:.1} | {} | {rms:.3} | {bias:.3} | {worst:.2} |",
         world.cloud.len(),
-        seconds * 1e3,
         lookup.bytes() / 1000
     );
 }
 
-/// Irradiance over pi by lookup and by shading each hit.
-fn pair(world: &World, lookup: &RadianceLookup, receiver: &Receiver) -> (DVec3, DVec3) {
-    let mut rng = Rng::new(17, u64::from(receiver.seed));
-    let frame = Frame::from_normal(receiver.normal);
-    let (mut looked_up, mut shaded) = (DVec3::ZERO, DVec3::ZERO);
-    for i in 0..ROOT * ROOT {
-        let cell = glam::Vec2::new((i % ROOT) as f32, (i / ROOT) as f32);
-        let direction = frame.to_world(cosine_hemisphere((cell + rng.unit2()) / ROOT as f32));
-        let origin = offset_origin(receiver.position, receiver.normal, direction);
-        let Some(hit) = world.accel.closest_hit(origin, direction, f32::INFINITY) else { continue };
-        let point = world.accel.closest_point(origin, direction, f32::INFINITY).expect("the same ray");
-        looked_up += lookup.radiance(&point).as_dvec3();
-        let material = &world.scene.materials[hit.material as usize];
-        if (hit.front || material.two_sided) && material.albedo != Vec3::ZERO {
-            let normal = if hit.front { hit.normal } else { -hit.normal };
-            let stream = u64::from(receiver.seed) << 32 | u64::from(i);
-            let sampling = Sampling { seed: 5, stream, samples: SHADOW_RAYS };
-            let lit = LitPoint::flat(hit.position, normal);
-            let irradiance = world.lights.irradiance(&world.accel, &lit, sampling);
-            shaded += (material.albedo * FRAC_1_PI * irradiance).as_dvec3();
+/// Mean radiance that each receiver sees, where `light` says what a hit sends.
+fn gather(world: &World, light: impl Fn(&Hit, &SurfacePoint, &mut Rng) -> Vec3 + Sync) -> Vec<DVec3> {
+    let of_receiver = |receiver: &Receiver| {
+        let (mut rng, mut shadows) = (Rng::new(17, receiver.seed.into()), Rng::new(18, receiver.seed.into()));
+        let frame = Frame::from_normal(receiver.normal);
+        let mut sum = DVec3::ZERO;
+        for i in 0..ROOT * ROOT {
+            let cell = Vec2::new((i % ROOT) as f32, (i / ROOT) as f32);
+            let direction = frame.to_world(cosine_hemisphere((cell + rng.unit2()) / ROOT as f32));
+            let origin = offset_origin(receiver.position, receiver.normal, direction);
+            let Some(hit) = world.accel.closest_hit(origin, direction, f32::INFINITY) else { continue };
+            let point = world.accel.closest_point(origin, direction, f32::INFINITY).expect("the same ray");
+            sum += light(&hit, &point, &mut shadows).as_dvec3();
         }
+        sum / f64::from(ROOT * ROOT)
+    };
+    receivers(world).par_iter().map(of_receiver).collect()
+}
+
+/// Direct light that a hit reflects, an unbiased estimate.
+fn shade(world: &World, hit: &Hit, rng: &mut Rng) -> Vec3 {
+    let material = &world.scene.materials[hit.material as usize];
+    if !(hit.front || material.two_sided) || material.albedo == Vec3::ZERO {
+        return Vec3::ZERO;
     }
-    let rays = f64::from(ROOT * ROOT);
-    (looked_up / rays, shaded / rays)
+    let point = LitPoint::flat(hit.position, if hit.front { hit.normal } else { -hit.normal });
+    let sum: Vec3 = (0..SHADOW_RAYS).map(|_| world.lights.estimate(&world.accel, &point, rng)).sum();
+    material.albedo * FRAC_1_PI * sum / SHADOW_RAYS as f32
 }
 
 /// Root mean square, mean and largest difference of (found, expected), in percent of the mean expected.

@@ -145,11 +145,17 @@ impl Accel {
         self.occluded(from, to - from, 1.0 - 1e-6)
     }
 
+    #[inline(always)]
     fn intersect(&self, ray: &Ray, leaf: usize) -> f32 {
         let primitive = self.leaves[leaf];
         if primitive < self.triangle_count {
             return intersect_triangle(&self.triangles[leaf], ray);
         }
+        self.intersect_quadric(primitive, ray)
+    }
+
+    #[inline(never)]
+    fn intersect_quadric(&self, primitive: PrimitiveId, ray: &Ray) -> f32 {
         match self.scene.locate(primitive) {
             Located::Triangle(_) => f32::INFINITY,
             Located::Sphere(i) => intersect_sphere(&self.scene.spheres[i], ray),
@@ -384,9 +390,8 @@ pub enum ClusterNode {
 }
 
 /// Clusters boxes (low, high) bottom up (PLOC, Meister and Bittner 2018).
-pub fn cluster(boxes: &[(Vec3, Vec3)]) -> ClusterTree {
-    let bounds: Vec<Bounds> =
-        boxes.iter().map(|&(low, high)| Bounds(Aabb::new(low.into(), high.into()))).collect();
+pub fn cluster(boxes: impl Iterator<Item = (Vec3, Vec3)>) -> ClusterTree {
+    let bounds: Vec<Bounds> = boxes.map(|(low, high)| Bounds(Aabb::new(low.into(), high.into()))).collect();
     let bvh = PlocBuilder::with_capacity(bounds.len()).build(
         PlocSearchDistance::Medium,
         &bounds,

@@ -14,8 +14,8 @@ pub trait LaneTask {
     /// What comes out.
     type Output;
 
-    /// Does the work. Mark it, and all that it calls with lanes, `#[inline(always)]`: only what is inlined here is compiled
-    /// for the processor's own registers.
+    /// Does the work. Mark it, and all that it calls with lanes, `#[inline(always)]`, and hand no lanes to closures: only what
+    /// is inlined here is compiled for the processor's own registers.
     fn run<F: F32x8>(self) -> Self::Output;
 }
 
@@ -42,7 +42,7 @@ pub trait F32x8: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = S
     fn load(from: &[f32; LANES]) -> Self;
     /// Eight numbers to memory.
     fn store(self, to: &mut [f32; LANES]);
-    /// The eight numbers.
+    /// Eight numbers as an array.
     #[inline(always)]
     fn to_array(self) -> [f32; LANES] {
         let mut array = [0.0; LANES];
@@ -51,6 +51,8 @@ pub trait F32x8: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = S
     }
     /// Square roots.
     fn sqrt(self) -> Self;
+    /// Square roots of numbers not below 0, or up to a thousandth more: for bounds only, as processors differ in them.
+    fn sqrt_or_more(self) -> Self;
     /// Reciprocals, correctly rounded.
     fn recip(self) -> Self;
     /// Absolute values.
@@ -104,6 +106,12 @@ pub fn vector<F: F32x8>(v: Vec3) -> [F; 3] {
     [F::splat(v.x), F::splat(v.y), F::splat(v.z)]
 }
 
+/// Differences of vectors.
+#[inline(always)]
+pub fn sub<F: F32x8>(a: [F; 3], b: [F; 3]) -> [F; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
 /// Dot products, in the order of operations of [`crate::hemicube::cover::dot`].
 #[inline(always)]
 pub fn dot<F: F32x8>(a: [F; 3], b: [F; 3]) -> F {
@@ -137,6 +145,7 @@ impl F32x8 for Portable {
     #[inline(always)] fn load(from: &[f32; LANES]) -> Self { Self(*from) }
     #[inline(always)] fn store(self, to: &mut [f32; LANES]) { *to = self.0; }
     #[inline(always)] fn sqrt(self) -> Self { lanewise!(Portable, |i| self.0[i].sqrt()) }
+    #[inline(always)] fn sqrt_or_more(self) -> Self { self.sqrt() }
     #[inline(always)] fn recip(self) -> Self { lanewise!(Portable, |i| 1.0 / self.0[i]) }
     #[inline(always)] fn abs(self) -> Self { lanewise!(Portable, |i| self.0[i].abs()) }
     #[inline(always)] fn negate(self) -> Self { lanewise!(Portable, |i| -self.0[i]) }
@@ -217,8 +226,11 @@ pub mod avx2 {
     }
 
     /// Does a task, compiled for AVX2 (without FMA: it would round differently).
+    ///
+    /// # Safety
+    /// Only where [`available`] says so.
     #[target_feature(enable = "avx2,bmi1,popcnt")]
-    pub fn run<T: LaneTask>(task: T) -> T::Output {
+    pub(super) fn run<T: LaneTask>(task: T) -> T::Output {
         task.run::<Avx2>()
     }
 
@@ -257,6 +269,13 @@ pub mod avx2 {
         #[inline(always)] fn floor(self) -> Self { Self(intrinsic!(_mm256_floor_ps(self.0))) }
         #[inline(always)] fn gt(self, o: Self) -> Self { Self(intrinsic!(_mm256_cmp_ps::<_CMP_GT_OQ>(self.0, o.0))) }
         #[inline(always)] fn le(self, o: Self) -> Self { Self(intrinsic!(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, o.0))) }
+
+        #[inline(always)]
+        fn sqrt_or_more(self) -> Self {
+            // The estimate of 1/sqrt is off by less than 1.5 x 2^-12; the smallest normal number keeps it finite.
+            let inverse = Self(intrinsic!(_mm256_rsqrt_ps(self.max(Self::splat(f32::MIN_POSITIVE)).0)));
+            self * inverse * Self::splat(1.0005)
+        }
     }
 
     #[rustfmt::skip]

@@ -33,16 +33,20 @@ pub fn render(world: &World, view: &View, settings: &Settings, aovs: &[Aov], run
     for rows in bands(view) {
         let visible = run.clock.time(Stage::Trace, || Visible::trace(view, &world.accel, rows))?;
         run.counters.count_shading_points(visible.points.len());
-        let (direct, indirect) = side_by_side(
-            || run.clock.time(Stage::Direct, || direct_light(world, view, settings, &visible)),
-            || match &mut gathering {
-                Some(gathering) => gathering.light(view, &visible),
-                None => Ok(vec![Vec3::ZERO; visible.points.len()]),
-            },
-        )?;
+        let light = || run.clock.time(Stage::Direct, || direct_light(world, view, settings, &visible));
+        let (direct, indirect) = match &mut gathering {
+            None => (light()?, vec![Vec3::ZERO; visible.points.len()]),
+            Some(gathering) if gathering.on_cpu() => (light()?, gathering.light(view, &visible)?),
+            Some(gathering) => side_by_side(light, || gathering.light(view, &visible))?,
+        };
         develop(world, view, &visible, &direct, &indirect, &mut film);
     }
     Ok(film)
+}
+
+fn own_workers() -> Result<rayon::ThreadPool> {
+    let workers = rayon::ThreadPoolBuilder::new().num_threads(rayon::current_num_threads()).build();
+    workers.map_err(|error| Error::Failed(format!("no threads for gathering: {error}")))
 }
 
 /// Whole rows that are rendered together.
@@ -51,13 +55,13 @@ fn bands(view: &View) -> impl Iterator<Item = Range<u32>> {
     (0..height).step_by(rows as usize).map(move |first| first..height.min(first + rows))
 }
 
-/// Does two things at once; the second on a thread of its own, because it waits for a device.
+/// Does two things at once; the second on threads of its own: it waits for a device, which shall not wait for the first.
 fn side_by_side<A, B: Send>(
     here: impl FnOnce() -> Result<A>,
     there: impl FnOnce() -> Result<B> + Send,
 ) -> Result<(A, B)> {
     std::thread::scope(|scope| {
-        let there = scope.spawn(there);
+        let there = scope.spawn(|| own_workers()?.install(there));
         let here = here();
         let there = there.join().unwrap_or_else(|_| Err(Error::Failed("the gather thread stopped".into())));
         Ok((here?, there?))

@@ -16,6 +16,7 @@ use crate::hemicube::weights::Weights;
 use crate::math::hash32;
 use crate::run::Run;
 use crate::scene::Scene;
+use crate::scene::topology::Edges;
 use crate::settings::{BOUNCE_TOLERANCE, Bounces, Emitters, GatherMethod, Settings, SurfelDensity};
 use crate::stats::{DeviceInfo, Stage};
 use crate::surfel::closed::ClosedTest;
@@ -66,8 +67,9 @@ impl World {
     /// When surfels cannot be generated as asked, or the device fails.
     pub fn prepare(scene: Scene, cloud: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<Self> {
         let scene = Arc::new(scene);
-        let (accel, lights) =
-            run.clock.time(Stage::Load, || (Accel::new(Arc::clone(&scene)), Lights::new(&scene)));
+        let (accel, lights) = run
+            .clock
+            .time(Stage::Load, || rayon::join(|| Accel::new(Arc::clone(&scene)), || Lights::new(&scene)));
         let mut world = Self {
             scene,
             accel,
@@ -93,8 +95,7 @@ impl World {
     }
 
     fn prepare_drawing(&mut self, cloud: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<()> {
-        self.closed = run.clock.time(Stage::Surfels, || ClosedTest::new(&self.scene, &self.accel));
-        self.cloud = run.clock.time(Stage::Surfels, || self.surfels(cloud, settings))?;
+        self.prepare_surfels(cloud, settings, run)?;
         self.tree = run.clock.time(Stage::Tree, || (settings.lod > 0.0).then(|| self.surfel_tree()));
         self.drawables = Drawables::new(&self.cloud, self.tree.as_ref());
         self.drawables.enclosing = self.closed.encloses();
@@ -107,7 +108,7 @@ impl World {
     }
 
     fn surfel_tree(&self) -> SurfelTree {
-        SurfelTree::weighted(&self.cloud, visible_areas(&self.cloud, &self.accel, &self.closed))
+        SurfelTree::weighted(&self.cloud, &visible_areas(&self.cloud, &self.accel, &self.closed))
     }
 
     fn prepare_lookup(&mut self, run: &Run) {
@@ -122,8 +123,7 @@ impl World {
 
     /// Rays see true surfaces, one by one: they need no tree.
     fn prepare_tracing(&mut self, cloud: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<()> {
-        self.closed = run.clock.time(Stage::Surfels, || ClosedTest::new(&self.scene, &self.accel));
-        self.cloud = run.clock.time(Stage::Surfels, || self.surfels(cloud, settings))?;
+        self.prepare_surfels(cloud, settings, run)?;
         self.bounce(settings, run)?;
         let lookup =
             run.clock.time(Stage::Surfels, || RadianceLookup::new(&self.accel, &self.closed, &self.cloud));
@@ -134,10 +134,26 @@ impl World {
         Ok(())
     }
 
-    fn surfels(&self, given: Option<SurfelCloud>, settings: &Settings) -> Result<SurfelCloud> {
+    fn prepare_surfels(&mut self, given: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<()> {
+        let edges = run.clock.time(Stage::Surfels, || Edges::new(&self.scene.triangles));
+        self.closed = run.clock.time(Stage::Surfels, || ClosedTest::new(&self.scene, &edges, &self.accel));
+        self.cloud = run.clock.time(Stage::Surfels, || self.surfels(given, &edges, settings, run))?;
+        Ok(())
+    }
+
+    fn surfels(
+        &self,
+        given: Option<SurfelCloud>,
+        edges: &Edges,
+        settings: &Settings,
+        run: &Run,
+    ) -> Result<SurfelCloud> {
         let mut cloud = match given {
             Some(cloud) => cloud,
-            None => generate(&self.scene, &self.closed, &generate_settings(&self.scene, settings))?,
+            None => {
+                let density = generate_settings(&self.scene, settings);
+                generate(&self.scene, edges, &self.closed, &density, &run.reporter)?
+            }
         };
         let shading = ShadeSettings {
             emitters: settings.emitters,
@@ -262,7 +278,7 @@ impl World {
     /// # Errors
     /// When the device is not there or fails.
     pub fn gatherer(&self, settings: &Settings) -> Result<Box<dyn Gatherer + '_>> {
-        self.create(Some(self.convolver()), settings)
+        self.create_gatherer(Some(self.convolver()), settings)
     }
 
     /// A gatherer that hands back surfel ids, where the method has any.
@@ -270,16 +286,16 @@ impl World {
     /// # Errors
     /// As [`World::gatherer`].
     pub fn id_gatherer(&self, settings: &Settings) -> Result<Box<dyn Gatherer + '_>> {
-        self.create(None, settings)
+        self.create_gatherer(None, settings)
     }
 
-    fn create<'a>(
+    fn create_gatherer<'a>(
         &'a self,
         convolver: Option<Convolver<'a>>,
         settings: &Settings,
     ) -> Result<Box<dyn Gatherer + 'a>> {
-        let surfels = Surfels { drawables: &self.drawables, lookup: self.lookup.as_ref() };
-        create(self.device.device, &self.accel, &self.lights, surfels, convolver, settings)
+        let surfels = Surfels { drawables: &self.drawables, lookup: self.lookup.as_ref(), convolver };
+        create(self.device.device, &self.accel, &self.lights, surfels, settings)
     }
 }
 

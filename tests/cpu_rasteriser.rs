@@ -3,10 +3,13 @@
 mod common;
 
 use common::{reference, room};
+use glam::Vec3;
 use surflux::gather::cpu::{CpuGatherer, CpuSettings};
 use surflux::gather::order::order;
 use surflux::gather::{Batch, Gatherer, Output};
 use surflux::hemicube::atlas::IdAtlas;
+use surflux::hemicube::convolve::Convolver;
+use surflux::hemicube::weights::Weights;
 use surflux::surfel::cloud::SurfelShape;
 use surflux::surfel::drawable::Drawables;
 use surflux::surfel::tree::{CutSettings, SurfelTree};
@@ -84,6 +87,36 @@ fn a_cut_without_level_of_detail_loses_nothing() {
             // The order of drawing differs, so surfels at equal depth may stand for each other; coverage may not differ.
             let expected = depth_of(reference::hemicube(&drawables, &all, receiver, 8));
             assert_eq!(depth_of(atlas.tile(i)), expected, "pixels covered for receiver {i}");
+        }
+    }
+}
+
+#[test]
+fn convolving_at_once_finds_what_the_ids_say() {
+    for (resolution, enclosing) in [(4, false), (8, false), (8, true), (16, false)] {
+        let cloud = room::cloud(3000, SurfelShape::Disc, 13);
+        let tree = SurfelTree::new(&cloud);
+        let mut drawables = Drawables::new(&cloud, Some(&tree));
+        drawables.enclosing = enclosing;
+        let weights = Weights::new(resolution);
+        let convolver = Convolver::new(&drawables, &weights, Vec3::new(0.1, 0.5, 2.0));
+        let settings = CpuSettings { resolution, batch: 64, frames_in_flight: 1 };
+        let new = || CpuGatherer::new(drawables.splats.as_slice(), drawables.shape, settings);
+        let mut ids = new().expect("resolution is legal");
+        let mut convolving = new().expect("resolution is legal").convolving(convolver);
+        let receivers = room::receivers(150, 4);
+        for batch in order(&receivers, Some(&tree), &CutSettings { lod: 2.0, resolution }, 64).batches {
+            let atlas = gather(&mut ids, batch.clone());
+            convolving.submit(batch.clone()).expect("drawing in memory succeeds");
+            let found = convolving.finish().expect("drawing in memory succeeds").map(|g| g.output);
+            let Some(Output::Estimates(found)) = found else { panic!("it convolves") };
+            for (i, receiver) in batch.receivers.iter().enumerate() {
+                let expected = convolver.estimate(&atlas, i, receiver);
+                let near = (found[i].irradiance - expected.irradiance).abs().max_element() < 1e-4;
+                assert!(near, "{:?} is not {expected:?}, N = {resolution}", found[i]);
+                let ratio = found[i].closeness / expected.closeness;
+                assert!((ratio - 1.0).abs() < 1e-3, "{:?} is not {expected:?}, N = {resolution}", found[i]);
+            }
         }
     }
 }

@@ -8,6 +8,8 @@ use glam::{DVec3, Vec3};
 use std::fs;
 use surfel_scenes as scenes;
 use surflux::accel::Accel;
+use surflux::progress::Reporter;
+use surflux::scene::topology::Edges;
 use surflux::scene::{Scene, Shape};
 use surflux::surfel::closed::ClosedTest;
 use surflux::surfel::cloud::{FLAG_CULL_BACK, FLAG_TWO_SIDED, SurfelCloud, SurfelShape};
@@ -23,7 +25,9 @@ fn settings(count: u64) -> GenerateSettings {
 }
 
 fn cloud_of(accel: &Accel, settings: &GenerateSettings) -> SurfelCloud {
-    generate(accel.scene(), &ClosedTest::new(accel.scene(), accel), settings).expect("a sensible density")
+    let edges = Edges::new(&accel.scene().triangles);
+    let closed = ClosedTest::new(accel.scene(), &edges, accel);
+    generate(accel.scene(), &edges, &closed, settings, &Reporter::default()).expect("a sensible density")
 }
 
 fn all_scenes() -> Vec<(&'static str, Vec<Shape>)> {
@@ -189,9 +193,14 @@ fn absurd_densities_are_refused() {
         Density::PerPrimitive(u64::MAX),
     ];
     for density in refused {
-        let error =
-            generate(accel.scene(), &ClosedTest::none(), &GenerateSettings { density, ..settings(0) })
-                .unwrap_err();
+        let error = generate(
+            accel.scene(),
+            &Edges::default(),
+            &ClosedTest::none(),
+            &GenerateSettings { density, ..settings(0) },
+            &Reporter::default(),
+        )
+        .unwrap_err();
         assert!(error.to_string().contains("surfel") && error.exit_code() == 2, "{density:?}: {error}");
     }
 }
@@ -205,7 +214,7 @@ struct Closed {
 impl Closed {
     fn new(shapes: Vec<Shape>) -> Self {
         let accel = scenes::prepare(shapes);
-        let test = ClosedTest::new(accel.scene(), &accel);
+        let test = ClosedTest::new(accel.scene(), &Edges::new(&accel.scene().triangles), &accel);
         Self { accel, test }
     }
 

@@ -13,7 +13,7 @@ use surflux::hemicube::frame::Receiver;
 use surflux::run::Run;
 use surflux::scene::{Scene, load};
 use surflux::settings::{Settings, SurfelDensity};
-use surflux::shading::points::{CameraSample, View};
+use surflux::shading::points::View;
 use surflux::surfel::cloud::SurfelShape;
 use surflux::world::World;
 
@@ -36,13 +36,9 @@ fn world(scene: &str, settings: &Settings) -> (World, View) {
 
 /// The receivers of a picture's shading points.
 fn receivers(world: &World, view: &View) -> Vec<Receiver> {
-    view.trace(&world.accel, 0, view.sample_count() as usize)
-        .iter()
-        .filter_map(|sample| match sample {
-            CameraSample::Surface(p) => Some(world.receiver(p.position, p.shading_normal, p.gather_seed(0))),
-            CameraSample::Background => None,
-        })
-        .collect()
+    let points = (0..view.height)
+        .flat_map(|y| (0..view.width).filter_map(move |x| view.trace_middle(&world.accel, x, y)));
+    points.map(|p| world.receiver(p.position, p.shading_normal, p.gather_seed(0))).collect()
 }
 
 fn ids(gatherer: &mut dyn Gatherer, batches: Vec<Batch>) -> Vec<Vec<u32>> {

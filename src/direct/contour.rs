@@ -88,7 +88,7 @@ impl Clipper {
 /// The normal of the plane of an edge and the receiver, as long as the angle between the edge's ends, and as long as its
 /// sine.
 #[inline(always)]
-fn arc(a: DVec3, b: DVec3) -> (DVec3, DVec3) {
+pub(super) fn arc(a: DVec3, b: DVec3) -> (DVec3, DVec3) {
     // Of the difference, so that digits of close ends are kept.
     let cross = a.cross(b - a);
     let sine = cross / (a.length_squared() * b.length_squared()).sqrt();

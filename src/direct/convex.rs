@@ -1,14 +1,16 @@
 //! A closed convex mesh of uniform radiance as one light. Its irradiance is Lambert's formula on its silhouette: edges
 //! between two faces that the receiver sees cancel.
 
-use super::contour::{Clipper, Contour};
+use super::alone::ProbePoint;
+use super::contour::{Clipper, Contour, arc};
+use super::flux::{self, Flux};
 use super::local::Local;
 use super::shadow::Query;
 use super::silhouette::{ON_FACE, Silhouette};
 use super::solid::Solid;
 use super::view::{LightSample, View};
 use crate::accel::offset_origin;
-use crate::math::cosine_hemisphere;
+use crate::math::{Rng, cosine_hemisphere, uniform_triangle};
 use crate::scene::{PrimitiveId, Scene};
 use glam::{DVec3, Vec2, Vec3};
 use std::f64::consts::PI;
@@ -17,13 +19,28 @@ use std::ops::Range;
 /// More than the diagonal of a scene, scene units.
 const BEYOND: f32 = 2.0;
 
+/// Points that probing rays go to.
+const PROBES: usize = 1024;
+
+/// How far those points lie below the surface, relative to their distance from the middle.
+const WITHIN: f32 = 1e-3;
+
 /// A convex mesh that emits.
 #[derive(Debug, Clone)]
 pub(super) struct ConvexLight {
     silhouette: Silhouette,
+    /// Middle of its bounding box.
+    centre: DVec3,
+    /// Distance from there that no part exceeds.
+    radius: f64,
+    /// Area of its surface over 4 pi: a convex body's outline is on average as large as that of a sphere of the same surface
+    /// (Cauchy 1832).
+    mean_radius_squared: f64,
+    /// Points spread over its surface by area, each a little within.
+    probes: Vec<Vec3>,
     /// Runs of its triangles' numbers, ascending.
     primitives: Vec<Range<PrimitiveId>>,
-    radiance: Vec3,
+    pub(super) radiance: Vec3,
     two_sided: bool,
 }
 
@@ -32,8 +49,14 @@ impl ConvexLight {
         let ends = || solid.edges.iter().flat_map(|e| e.ends);
         let (low, high) = ends().fold((Vec3::MAX, Vec3::MIN), |(low, high), v| (low.min(v), high.max(v)));
         let material = &scene.materials[solid.material as usize];
+        let centre = (low.as_dvec3() + high.as_dvec3()) * 0.5;
+        let area: f64 = solid.triangles.iter().map(|&t| 0.5 * doubled_area(scene, t)).sum();
         Self {
-            silhouette: Silhouette::new(&solid.edges, (low.as_dvec3() + high.as_dvec3()) * 0.5),
+            silhouette: Silhouette::new(&solid.edges, centre),
+            centre,
+            radius: ends().map(|v| v.as_dvec3().distance(centre)).fold(0.0, f64::max),
+            mean_radius_squared: area / (4.0 * PI),
+            probes: probes(scene, &solid.triangles, centre.as_vec3()),
             primitives: runs(&solid.triangles),
             radiance: material.emission,
             two_sided: material.two_sided,
@@ -42,38 +65,124 @@ impl ConvexLight {
 
     /// What a receiver sees of it.
     pub(super) fn view(&self, local: &Local) -> Option<View<'_>> {
+        let region = self.region(local)?;
+        let unshadowed = self.radiance * region.irradiance() as f32;
+        Some(View::convex(unshadowed, ConvexView { light: self, local: *local, region }))
+    }
+
+    /// Irradiance with radiance 1, shadows apart.
+    pub(super) fn irradiance(&self, local: &Local) -> f64 {
+        self.region(local).map_or(0.0, |region| region.irradiance())
+    }
+
+    /// [`Self::irradiance`] at many receivers, to 1e-4 of what surfaces facing the light get.
+    pub(super) fn irradiances(&self, receivers: &[Local]) -> Vec<f64> {
+        let mut irradiances = vec![0.0; receivers.len()];
+        let mut clear = Vec::with_capacity(receivers.len());
+        for (index, local) in receivers.iter().enumerate() {
+            let to_centre = self.centre - local.origin();
+            let height = to_centre.dot(local.normal());
+            let near = to_centre.length_squared() < (flux::NEAR * self.radius).powi(2);
+            if near || height.abs() <= self.radius {
+                irradiances[index] = self.irradiance(local);
+            } else if height > 0.0 {
+                clear.push(Flux { index, at: local.origin(), vector: DVec3::ZERO });
+            }
+        }
+        flux::find(self, &mut clear);
+        clear.iter().for_each(|f| irradiances[f.index] = f.vector.dot(receivers[f.index].normal()));
+        irradiances
+    }
+
+    /// Vector irradiance with radiance 1, W m-2: its component along a normal is the irradiance of a receiver outside that has
+    /// the whole light above its horizon.
+    pub(super) fn flux(&self, at: DVec3) -> DVec3 {
+        self.silhouette.edges(at).map(|[a, b]| arc(a, b).0).sum::<DVec3>() * -0.5
+    }
+
+    /// Middle of its bounding box.
+    pub(super) fn centre(&self) -> DVec3 {
+        self.centre
+    }
+
+    /// Square of the radius of a sphere with the same surface.
+    pub(super) fn mean_radius_squared(&self) -> f64 {
+        self.mean_radius_squared
+    }
+
+    /// One of the points on its surface.
+    pub(super) fn probe(&self, u: Vec2) -> ProbePoint {
+        // Only their order along the surface is known, so both numbers go into one: tens of parts, and tens within each.
+        let (parts, count) = ((self.probes.len() as f32).sqrt(), self.probes.len());
+        let index = ((u.x * parts).floor() + u.y) / parts * count as f32;
+        ProbePoint { position: self.probes[(index as usize).min(count - 1)], normal: Vec3::ZERO }
+    }
+
+    fn region(&self, local: &Local) -> Option<Region> {
         let edges = self.silhouette.edges(local.origin());
         if edges.len() == 0 {
-            return self.view_from_inside(local);
+            return self.surrounds(local).then_some(Region::Hemisphere);
         }
-        let mut clipper = Clipper::new(local.scene_vector(DVec3::Z), edges.len());
+        let mut clipper = Clipper::new(local.normal(), edges.len());
         edges.for_each(|edge| clipper.push(edge));
-        let contour = clipper.finish()?;
-        let unshadowed = self.radiance * contour.irradiance() as f32;
-        Some(View::convex(unshadowed, self.seen(local, Region::Contour(contour))))
+        clipper.finish().map(Region::Contour)
     }
 
     /// From inside, a two-sided light fills the whole hemisphere.
-    fn view_from_inside(&self, local: &Local) -> Option<View<'_>> {
+    fn surrounds(&self, local: &Local) -> bool {
         if !self.two_sided {
-            return None;
+            return false;
         }
         let (normal, height) = self.silhouette.outermost(local.origin());
         // Within rounding of a face, the receiver's normal says on which side it is.
         let on_face = f64::from(height) > -2.0 * ON_FACE;
-        let turned_in = local.scene_vector(DVec3::Z).dot(normal.as_dvec3()) < 0.0;
-        (!on_face || turned_in)
-            .then(|| View::convex(self.radiance * PI as f32, self.seen(local, Region::Hemisphere)))
+        let turned_in = local.normal().dot(normal.as_dvec3()) < 0.0;
+        !on_face || turned_in
     }
 
-    fn seen(&self, local: &Local, region: Region) -> ConvexView<'_> {
-        ConvexView { light: self, local: *local, region }
+    /// Whether the light itself is what a ray to a point within it meets first. A ray that meets nothing passed its outline
+    /// by rounding.
+    pub(super) fn reached(&self, query: &Query, point: Vec3, direction: Vec3) -> bool {
+        let normal = query.point.geometric_normal;
+        if direction.dot(normal) <= 0.0 {
+            return false;
+        }
+        let here = offset_origin(query.point.position, normal, direction);
+        // A receiver far outside has coordinates too coarse for rays to start from.
+        let far = (point - here).length_squared() > BEYOND * BEYOND;
+        let start = if far { point - direction * BEYOND } else { here };
+        query.accel.first_primitive(start, point - start, 1.0).is_none_or(|hit| self.owns(hit))
     }
 
     fn owns(&self, primitive: PrimitiveId) -> bool {
         let after = self.primitives.partition_point(|run| run.start <= primitive);
         after > 0 && self.primitives[after - 1].contains(&primitive)
     }
+}
+
+/// Points on triangles, uniformly by area, drawn towards `centre` so that rays to them pass through the surface.
+fn probes(scene: &Scene, triangles: &[usize], centre: Vec3) -> Vec<Vec3> {
+    let step = triangles.iter().map(|&t| doubled_area(scene, t)).sum::<f64>() / PROBES as f64;
+    let mut rng = Rng::new(0, PROBES as u64);
+    let (mut wanted, mut passed) = (0.5 * step, 0.0);
+    let mut probes = Vec::with_capacity(PROBES);
+    for &t in triangles {
+        passed += doubled_area(scene, t);
+        while wanted < passed {
+            let [a, b, c] = scene.triangles[t];
+            let at = uniform_triangle(rng.unit2());
+            let point = a + (b - a) * at.x + (c - a) * at.y;
+            probes.push(point + (centre - point) * WITHIN);
+            wanted += step;
+        }
+    }
+    probes
+}
+
+/// Twice the area of a triangle.
+fn doubled_area(scene: &Scene, triangle: usize) -> f64 {
+    let [a, b, c] = scene.triangles[triangle];
+    f64::from((b - a).cross(c - a).length())
 }
 
 /// Ascending numbers as ranges.
@@ -98,6 +207,15 @@ enum Region {
     Hemisphere,
 }
 
+impl Region {
+    fn irradiance(&self) -> f64 {
+        match self {
+            Self::Contour(contour) => contour.irradiance(),
+            Self::Hemisphere => PI,
+        }
+    }
+}
+
 /// A [`ConvexLight`] as one receiver sees it.
 #[derive(Debug)]
 pub(super) struct ConvexView<'a> {
@@ -106,7 +224,12 @@ pub(super) struct ConvexView<'a> {
     region: Region,
 }
 
-impl ConvexView<'_> {
+impl<'a> ConvexView<'a> {
+    /// The light itself.
+    pub(super) fn light(&self) -> &'a ConvexLight {
+        self.light
+    }
+
     /// A direction, and a point within the body there.
     pub(super) fn sample(&self, u: Vec2) -> LightSample {
         let (offset, solid_angle, weight) = match &self.region {
@@ -127,19 +250,5 @@ impl ConvexView<'_> {
             weight: weight as f32,
             perpendicular: self.light.radiance * solid_angle as f32,
         }
-    }
-
-    /// Whether the light itself is what a ray to a point within it meets first. A ray that meets nothing passed its outline
-    /// by rounding.
-    pub(super) fn reached(&self, query: &Query, sample: &LightSample) -> bool {
-        let normal = query.point.geometric_normal;
-        if sample.direction.dot(normal) <= 0.0 {
-            return false;
-        }
-        let here = offset_origin(query.point.position, normal, sample.direction);
-        // A receiver far outside has coordinates too coarse for rays to start from.
-        let far = (sample.point - here).length_squared() > BEYOND * BEYOND;
-        let start = if far { sample.point - sample.direction * BEYOND } else { here };
-        query.accel.first_primitive(start, sample.point - start, 1.0).is_none_or(|hit| self.light.owns(hit))
     }
 }

@@ -127,7 +127,7 @@ impl LightTree {
     pub(super) fn new(emitters: &[Emitting]) -> Self {
         let boxes: Vec<(Vec3, Vec3)> = emitters.iter().map(|e| (e.low, e.high)).collect();
         let blank = |&kind| Node { emitting: emitters[0], spread: Angle::of_cosine(1.0), kind, parent: 0 };
-        let mut nodes: Vec<Node> = cluster(&boxes).nodes.iter().map(blank).collect();
+        let mut nodes: Vec<Node> = cluster(boxes.iter().copied()).nodes.iter().map(blank).collect();
         let mut leaves = vec![0; emitters.len()];
         for i in (0..nodes.len()).rev() {
             nodes[i].emitting = match nodes[i].kind {

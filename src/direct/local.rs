@@ -24,6 +24,11 @@ impl Local {
         self.origin
     }
 
+    /// The normal in scene space.
+    pub(super) fn normal(&self) -> DVec3 {
+        self.normal
+    }
+
     /// A scene point in local coordinates.
     pub(super) fn point(&self, point: DVec3) -> DVec3 {
         let v = point - self.origin;

@@ -3,10 +3,12 @@
 //! Up to [`EXACT_LIMIT`] emitters, unshadowed irradiance is exact (Lambert's formula for polygons and for the
 //! silhouettes of convex meshes, the closed form of a sphere) and shadow rays only scale it. Beyond that, a bounded number of samples is chosen by a light tree.
 
+mod alone;
 mod chosen;
 mod collect;
 mod contour;
 mod convex;
+mod flux;
 mod light_tree;
 mod local;
 mod many;
@@ -21,13 +23,16 @@ mod silhouette;
 mod solid;
 mod view;
 
+pub use alone::{LightAlone, LightSeen, Visibility};
+
 use crate::accel::{Accel, RAY_OFFSET, offset_origin};
 use crate::math::Rng;
 use crate::scene::Scene;
+use alone::ProbePoint;
 use chosen::SeenLights;
 use collect::{emissive_surfaces, emissive_triangles, emits};
 use convex::ConvexLight;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use local::Local;
 use many::ManyEmitters;
 use polygon::PolygonLight;
@@ -141,6 +146,17 @@ impl std::ops::Mul<f32> for DirectLight {
     }
 }
 
+/// Irradiance of a small piece of surface, and what its shadow rays met.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct PieceLight {
+    /// Mean irradiance, W m-2.
+    pub irradiance: Vec3,
+    /// One bit for each light that some ray reached.
+    pub lit: u32,
+    /// One bit for each light that some ray did not reach.
+    pub shaded: u32,
+}
+
 #[derive(Debug, Clone)]
 enum Light {
     Polygon(PolygonLight),
@@ -158,6 +174,43 @@ impl Light {
             Self::Punctual(punctual) => punctual.view(local),
         }
         .filter(|view| view.unshadowed.max_element() > 0.0)
+    }
+
+    /// Irradiance with colour 1, shadows apart.
+    fn irradiance(&self, local: &Local) -> f64 {
+        match self {
+            Self::Polygon(polygon) => polygon.irradiance(local),
+            Self::Round(round) => round.irradiance(local),
+            Self::Convex(convex) => convex.irradiance(local),
+            Self::Punctual(punctual) => punctual.irradiance(local),
+        }
+    }
+
+    fn colour(&self) -> Vec3 {
+        match self {
+            Self::Polygon(polygon) => polygon.radiance,
+            Self::Round(round) => round.radiance,
+            Self::Convex(convex) => convex.radiance,
+            Self::Punctual(punctual) => punctual.strength,
+        }
+    }
+
+    /// A point of the light that may be seen from `receiver`; where one is turned away, a ray to it meets the light before.
+    fn probe(&self, receiver: Vec3, u: Vec2) -> ProbePoint {
+        match self {
+            Self::Polygon(polygon) => polygon.probe(receiver, u),
+            Self::Round(round) => round.probe(receiver, u),
+            Self::Convex(convex) => convex.probe(u),
+            Self::Punctual(punctual) => punctual.probe(u),
+        }
+    }
+
+    /// Whether nothing stands before a point of the light; `normal` is that of its emitting side, zero without a surface.
+    fn reached(&self, query: &Query, point: Vec3, normal: Vec3, direction: Vec3) -> bool {
+        match self {
+            Self::Convex(convex) => convex.reached(query, point, direction),
+            _ => query.point.sees(query.accel, point, normal, direction),
+        }
     }
 }
 
@@ -225,6 +278,33 @@ impl Lights {
             light += many.estimate(&query, sequences, samples);
         }
         light
+    }
+
+    /// Mean irradiance of a disc about a point, of which some rays to each light tell how much is in shadow. `None` where lights
+    /// have no rays of their own.
+    pub fn piece_irradiance(
+        &self,
+        accel: &Accel,
+        point: &LitPoint,
+        radius: f32,
+        sampling: Sampling,
+    ) -> Option<PieceLight> {
+        if self.exact.len() > OWN_RAYS_LIMIT || self.many.is_some() {
+            return None;
+        }
+        let query = Query { accel, point, gloss: None };
+        let local = Local::new(point);
+        let Sampling { seed, stream, samples } = sampling;
+        let mut piece = PieceLight::default();
+        for (i, view) in self.views(&local) {
+            let sequences = [0, u32::MAX].map(|purpose| Sequence::new(seed, stream, i as u32 ^ purpose));
+            let tally = shadow::from_disc(&query, &view, sequences, samples.max(1), radius);
+            let [lit, shaded] = tally.outcomes();
+            piece.irradiance += tally.shadowed(view.unshadowed).irradiance;
+            piece.lit |= u32::from(lit) << i;
+            piece.shaded |= u32::from(shaded) << i;
+        }
+        Some(piece)
     }
 
     /// An unbiased estimate of the irradiance, W m-2, from one shadow ray (two rays beyond [`EXACT_LIMIT`] emitters), for

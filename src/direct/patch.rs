@@ -15,7 +15,7 @@ const SMALL: f64 = 1e-3;
 
 /// How far samples keep from the outline, relative to the polygon: one on the very edge could be cut off by the
 /// neighbouring surface through rounding.
-const INSET: f64 = 2e-6;
+pub(super) const INSET: f64 = 2e-6;
 
 /// A polygon above the horizon, ready for sampling.
 #[derive(Debug)]

@@ -1,8 +1,10 @@
 //! Irradiance from a convex polygon of uniform radiance: Lambert's formula with exact horizon clipping.
 
+use super::alone::ProbePoint;
 use super::local::Local;
-use super::patch::Patch;
+use super::patch::{INSET, Patch};
 use super::view::{LightSample, View};
+use crate::math::uniform_triangle;
 use crate::scene::Material;
 use glam::{DVec3, Vec2, Vec3};
 
@@ -72,34 +74,70 @@ pub(super) struct PolygonLight {
     corners: Vec<DVec3>,
     /// Unit normal of the front.
     normal: DVec3,
-    radiance: Vec3,
+    /// Areas of the triangles of the fan about the first corner, summed up to and including each.
+    areas: Vec<f32>,
+    pub(super) radiance: Vec3,
     two_sided: bool,
 }
 
 impl PolygonLight {
     /// The light with these corners, counter-clockwise seen from `normal`; fewer than [`CAPACITY`].
     pub(super) fn new(corners: &[Vec3], normal: DVec3, material: &Material) -> Self {
-        Self {
-            corners: corners.iter().map(|c| c.as_dvec3()).collect(),
-            normal,
-            radiance: material.emission,
-            two_sided: material.two_sided,
-        }
+        let corners: Vec<DVec3> = corners.iter().map(|c| c.as_dvec3()).collect();
+        let triangle =
+            |i: usize| (corners[i] - corners[0]).cross(corners[i + 1] - corners[0]).length() as f32;
+        let areas = (1..corners.len() - 1)
+            .scan(0.0, |sum, i| {
+                *sum += 0.5 * triangle(i);
+                Some(*sum)
+            })
+            .collect();
+        Self { corners, normal, areas, radiance: material.emission, two_sided: material.two_sided }
     }
 
     /// What a receiver sees of it.
     pub(super) fn view(&self, local: &Local) -> Option<View<'_>> {
-        let height = self.normal.dot(local.origin() - self.corners[0]);
-        let lit = height > IN_PLANE || (self.two_sided && height < -IN_PLANE);
-        if !lit {
-            return None;
-        }
-        let clipped = LocalPolygon::above_horizon(self.corners.iter().map(|c| local.point(*c)));
-        let patch = Patch::new(clipped)?;
+        let height = self.height(local.origin());
+        let patch = Patch::new(self.clipped(local)?)?;
         let unshadowed = self.radiance * patch.irradiance() as f32;
         let normal = (self.normal * height.signum()).as_vec3();
         let shape = PolygonView { patch, local: *local, normal, radiance: self.radiance };
         Some(View::polygon(unshadowed, shape))
+    }
+
+    /// Irradiance with radiance 1, shadows apart.
+    pub(super) fn irradiance(&self, local: &Local) -> f64 {
+        self.clipped(local).map_or(0.0, |clipped| lambert(clipped.corners()))
+    }
+
+    /// The point at a point of the unit square, uniformly by area.
+    pub(super) fn probe(&self, receiver: Vec3, u: Vec2) -> ProbePoint {
+        let total = self.areas[self.areas.len() - 1];
+        let wanted = u.x * total;
+        let chosen = self.areas.partition_point(|&sum| sum <= wanted).min(self.areas.len() - 1);
+        let before = if chosen > 0 { self.areas[chosen - 1] } else { 0.0 };
+        let x = ((wanted - before) / (self.areas[chosen] - before)).clamp(0.0, 1.0);
+        let at = uniform_triangle(Vec2::new(x, u.y)).as_dvec2();
+        let (a, b, c) = (self.corners[0], self.corners[chosen + 1], self.corners[chosen + 2]);
+        let point = a + (b - a) * at.x + (c - a) * at.y;
+        let middle = (a + b + c) / 3.0;
+        let side = self.height(receiver.as_dvec3()).signum();
+        ProbePoint {
+            position: (point + (middle - point) * INSET).as_vec3(),
+            normal: (self.normal * side).as_vec3(),
+        }
+    }
+
+    /// How far a point is in front of the polygon's plane.
+    fn height(&self, point: DVec3) -> f64 {
+        self.normal.dot(point - self.corners[0])
+    }
+
+    /// The part above the receiver's horizon, when the receiver is on a side that emits.
+    fn clipped(&self, local: &Local) -> Option<LocalPolygon> {
+        let height = self.height(local.origin());
+        let lit = height > IN_PLANE || (self.two_sided && height < -IN_PLANE);
+        lit.then(|| LocalPolygon::above_horizon(self.corners.iter().map(|c| local.point(*c))))
     }
 }
 

@@ -1,5 +1,6 @@
 //! Lights without a surface: points, and POV's area lights.
 
+use super::alone::ProbePoint;
 use super::local::Local;
 use super::view::{LightSample, View};
 use crate::scene::{PunctualEmission, PunctualLight};
@@ -43,7 +44,7 @@ pub(super) struct Punctual {
     /// See [`PunctualLight::area_illumination`].
     area_illumination: bool,
     /// Irradiance on a facing surface where the fall-off is 1, W m-2.
-    strength: Vec3,
+    pub(super) strength: Vec3,
     falloff: Falloff,
 }
 
@@ -66,6 +67,26 @@ impl Punctual {
         if self.edges.is_some() { self.panel_view(local) } else { self.point_view(local) }
     }
 
+    /// Whether all light comes from one point.
+    pub(super) fn is_point(&self) -> bool {
+        self.edges.is_none()
+    }
+
+    /// Irradiance with strength 1, shadows apart.
+    pub(super) fn irradiance(&self, local: &Local) -> f64 {
+        if self.edges.is_some() && self.area_illumination {
+            self.mean_received(local)
+        } else {
+            self.centre_received(local)
+        }
+    }
+
+    /// The point at a point of the unit square.
+    pub(super) fn probe(&self, u: Vec2) -> ProbePoint {
+        let u = u.as_dvec2() - 0.5;
+        ProbePoint { position: self.at(u.x, u.y).as_vec3(), normal: Vec3::ZERO }
+    }
+
     fn point_view(&self, local: &Local) -> Option<View<'_>> {
         let (factor, cosine) = self.received(local, self.position);
         (cosine > 0.0 && factor.is_finite()).then(|| {
@@ -75,8 +96,7 @@ impl Punctual {
     }
 
     fn panel_view(&self, local: &Local) -> Option<View<'_>> {
-        let mean =
-            if self.area_illumination { self.mean_received(local) } else { self.centre_received(local) };
+        let mean = self.irradiance(local);
         (mean > 0.0 && mean.is_finite())
             .then(|| View::panel(self.strength * mean as f32, PanelView { light: self, local: *local, mean }))
     }

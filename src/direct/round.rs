@@ -1,10 +1,11 @@
 //! Irradiance from spheres (closed form) and ellipsoids (Lambert's formula on the silhouette).
 
+use super::alone::ProbePoint;
 use super::local::Local;
 use super::patch::Patch;
 use super::polygon::{CAPACITY, LocalPolygon};
 use super::view::{LightSample, View};
-use crate::math::cosine_hemisphere;
+use crate::math::{cosine_hemisphere, uniform_sphere};
 use crate::scene::{Material, Quadric};
 use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3};
 use std::f64::consts::{PI, TAU};
@@ -26,7 +27,7 @@ pub(super) struct RoundLight {
     to_object: DAffine3,
     /// Radius, scene units, when it is a sphere.
     radius: Option<f64>,
-    radiance: Vec3,
+    pub(super) radiance: Vec3,
     two_sided: bool,
 }
 
@@ -62,11 +63,54 @@ impl RoundLight {
         Some(self.finish(local, eye, irradiance, Region::Silhouette(patch)))
     }
 
+    /// Irradiance with radiance 1, shadows apart.
+    pub(super) fn irradiance(&self, local: &Local) -> f64 {
+        let eye = self.to_object.transform_point3(local.origin());
+        if eye.length() <= 1.0 + ON_SURFACE {
+            return if self.fills_hemisphere(local, eye) { PI } else { 0.0 };
+        }
+        match self.radius {
+            Some(radius) => {
+                let centre = local.point(self.to_scene.translation);
+                let distance = centre.length();
+                sphere_irradiance(centre.z / distance, radius / distance)
+            }
+            None => self.silhouette(local, eye).map_or(0.0, |patch| patch.irradiance()),
+        }
+    }
+
+    /// The point at a point of the unit square, on the part that the receiver sees.
+    pub(super) fn probe(&self, receiver: Vec3, u: Vec2) -> ProbePoint {
+        let eye = self.to_object.transform_point3(receiver.as_dvec3());
+        let distance = eye.length();
+        if distance <= 1.0 {
+            return self.surface_point(uniform_sphere(u).as_dvec3(), -1.0);
+        }
+        // The cap of the unit sphere whose points see the eye.
+        let z = 1.0 - f64::from(u.x) * (1.0 - 1.0 / distance);
+        let (sin, cos) = (TAU * f64::from(u.y)).sin_cos();
+        let axis = eye / distance;
+        let (right, up) = axis.any_orthonormal_pair();
+        let aside = (right * cos + up * sin) * (1.0 - z * z).max(0.0).sqrt();
+        self.surface_point(axis * z + aside, 1.0)
+    }
+
+    /// A point of the unit sphere on the light, with the normal outwards (1) or inwards (-1).
+    fn surface_point(&self, on_sphere: DVec3, side: f64) -> ProbePoint {
+        let normal = (self.to_object.matrix3.transpose() * on_sphere).normalize() * side;
+        let position = self.to_scene.transform_point3(on_sphere).as_vec3();
+        ProbePoint { position, normal: normal.as_vec3() }
+    }
+
     /// From inside, a two-sided light fills the whole hemisphere.
     fn view_from_inside(&self, local: &Local, eye: DVec3) -> Option<View<'_>> {
+        self.fills_hemisphere(local, eye).then(|| self.finish(local, eye, PI, Region::Hemisphere))
+    }
+
+    fn fills_hemisphere(&self, local: &Local, eye: DVec3) -> bool {
         let up = self.to_object.matrix3 * local.scene_vector(DVec3::Z);
         let inside = eye.length() < 1.0 - ON_SURFACE || up.dot(eye) < 0.0;
-        (self.two_sided && inside).then(|| self.finish(local, eye, PI, Region::Hemisphere))
+        self.two_sided && inside
     }
 
     fn view_of_sphere(&self, local: &Local, eye: DVec3, radius: f64) -> Option<View<'_>> {
@@ -197,9 +241,8 @@ impl RoundView<'_> {
         let inside = matches!(self.region, Region::Hemisphere);
         let t = if inside { nearest + half } else { nearest - half };
         let on_sphere = (self.eye + d * t).normalize();
-        let normal = (light.to_object.matrix3.transpose() * on_sphere).normalize();
-        let side = if inside { -normal } else { normal };
-        (light.to_scene.transform_point3(on_sphere).as_vec3(), side.as_vec3())
+        let ProbePoint { position, normal } = light.surface_point(on_sphere, if inside { -1.0 } else { 1.0 });
+        (position, normal)
     }
 }
 

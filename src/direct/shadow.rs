@@ -6,6 +6,7 @@ use super::sequence::Sequence;
 use super::view::View;
 use super::{DirectLight, Gloss, LitPoint};
 use crate::accel::Accel;
+use crate::math::{Frame, disc_from_square};
 use glam::{Vec2, Vec3};
 
 /// What is asked: the light at a point among surfaces.
@@ -33,6 +34,8 @@ pub(super) struct Tally {
     specular: Vec3,
     rays: u32,
     lit_rays: u32,
+    /// Rays whose light would have counted and was stopped.
+    blocked_rays: u32,
 }
 
 impl Tally {
@@ -42,11 +45,20 @@ impl Tally {
         let share = view.unshadowed * (sample.weight / probability);
         self.rays += 1;
         self.all += share;
-        if sample.weight > 0.0 && view.reached(query, &sample) {
-            self.lit_rays += 1;
-            self.arrived += share;
-            self.specular += sample.perpendicular * (query.lobe(sample.direction) / probability);
+        if sample.weight > 0.0 {
+            if view.reached(query, &sample) {
+                self.lit_rays += 1;
+                self.arrived += share;
+                self.specular += sample.perpendicular * (query.lobe(sample.direction) / probability);
+            } else {
+                self.blocked_rays += 1;
+            }
         }
+    }
+
+    /// Whether some ray reached the light, and whether some ray was stopped.
+    pub(super) fn outcomes(&self) -> [bool; 2] {
+        [self.lit_rays > 0, self.blocked_rays > 0]
     }
 
     /// Mean of what arrived: an unbiased estimate of the irradiance, W m-2.
@@ -68,6 +80,26 @@ impl Tally {
             specular: self.specular / self.rays.max(1) as f32,
         }
     }
+}
+
+/// Shadow rays to one emitter from points spread over a disc about the query's; the light is that at its centre.
+pub(super) fn from_disc(
+    query: &Query,
+    view: &View,
+    sequences: [Sequence; 2],
+    rays: u32,
+    radius: f32,
+) -> Tally {
+    let [towards, starts] = sequences;
+    let frame = Frame::from_normal(query.point.geometric_normal);
+    let mut tally = Tally::default();
+    for i in 0..rays {
+        let offset = disc_from_square(starts.point(i)) * radius;
+        let position = query.point.position + frame.tangent * offset.x + frame.bitangent * offset.y;
+        let point = LitPoint { position, ..*query.point };
+        tally.trace(&Query { point: &point, ..*query }, view, 1.0, towards.point(i));
+    }
+    tally
 }
 
 /// Light from one emitter, with shadow rays of its own.

@@ -2,8 +2,9 @@
 
 use crate::accel::{ClusterNode, cluster};
 use crate::scene::Scene;
+use crate::scene::topology::{EdgeUse, Edges, Sets};
 use glam::{DVec3, Vec3};
-use std::collections::HashMap;
+use rayon::prelude::*;
 
 /// Largest distance of a vertex in front of a face, relative to the body's size, with which the body counts as convex.
 /// Coordinates in files are rounded; irradiance is wrong by no more than about this.
@@ -41,106 +42,68 @@ pub(super) struct Plane {
 
 /// Finds the closed convex bodies among the given triangles (ascending).
 pub(super) fn find_solids(scene: &Scene, triangles: &[usize]) -> Vec<Solid> {
-    let vertices = Welded::new(scene, triangles);
-    vertices
-        .components(scene, triangles)
+    let corners: Vec<[Vec3; 3]> = triangles.iter().map(|&t| scene.triangles[t]).collect();
+    parts(scene, triangles, &corners)
         .into_iter()
-        .filter_map(|part| solid(scene, &vertices, part))
+        .filter(|part| part.closed && part.triangles.len() >= TETRAHEDRON)
+        .filter_map(|part| {
+            let own: Vec<[Vec3; 3]> = part.triangles.iter().map(|&t| scene.triangles[t]).collect();
+            let material = scene.triangle_materials[part.triangles[0]];
+            is_convex(&own).then_some(Solid { triangles: part.triangles, edges: part.edges, material })
+        })
         .collect()
 }
 
-/// Vertex numbers by position.
-struct Welded(HashMap<[u32; 3], u32>);
+/// Triangles that hang together by their edges.
+#[derive(Default)]
+struct Part {
+    /// Ascending.
+    triangles: Vec<usize>,
+    edges: Vec<SolidEdge>,
+    /// Whether each edge lies between exactly two faces that turn the same way and have the same material.
+    closed: bool,
+}
 
-impl Welded {
-    fn new(scene: &Scene, triangles: &[usize]) -> Self {
-        let mut numbers = HashMap::new();
-        for corner in triangles.iter().flat_map(|&t| scene.triangles[t]) {
-            let next = numbers.len() as u32;
-            numbers.entry(bits(corner)).or_insert(next);
+/// The connected parts in the order of their first triangles; `corners` are those of `triangles`.
+fn parts(scene: &Scene, triangles: &[usize], corners: &[[Vec3; 3]]) -> Vec<Part> {
+    let edges = Edges::new(corners);
+    let mut sets = Sets::new(triangles.len());
+    for pair in edges.iter().flat_map(|uses| uses.windows(2)) {
+        sets.unite(pair[0].triangle, pair[1].triangle, false);
+    }
+    let mut parts: Vec<Part> = Vec::new();
+    let mut numbers = vec![0; triangles.len()];
+    for (i, &t) in triangles.iter().enumerate() {
+        // The root is the lowest member, so that it has come by already.
+        let root = sets.find(i as u32).0 as usize;
+        if root == i {
+            numbers[i] = parts.len();
+            parts.push(Part { closed: true, ..Part::default() });
         }
-        Self(numbers)
+        numbers[i] = numbers[root];
+        parts[numbers[i]].triangles.push(t);
     }
-
-    fn corners(&self, scene: &Scene, triangle: usize) -> [u32; 3] {
-        scene.triangles[triangle].map(|c| self.0[&bits(c)])
-    }
-
-    /// Triangles of one material that hang together, as ascending lists in the order of their first triangles.
-    fn components(&self, scene: &Scene, triangles: &[usize]) -> Vec<Vec<usize>> {
-        let mut parents: Vec<u32> = (0..self.0.len() as u32).collect();
-        for &t in triangles {
-            let [a, b, c] = self.corners(scene, t);
-            join(&mut parents, a, b);
-            join(&mut parents, b, c);
+    for uses in edges.iter() {
+        let part = &mut parts[numbers[uses[0].triangle as usize]];
+        match between(scene, triangles, corners, uses) {
+            Some(edge) => part.edges.push(edge),
+            None => part.closed = false,
         }
-        let mut numbers = HashMap::new();
-        let mut parts: Vec<Vec<usize>> = Vec::new();
-        for &t in triangles {
-            let root = find(&mut parents, self.corners(scene, t)[0]);
-            let number = *numbers.entry((root, scene.triangle_materials[t])).or_insert(parts.len());
-            if number == parts.len() {
-                parts.push(Vec::new());
-            }
-            parts[number].push(t);
-        }
-        parts
     }
+    parts
 }
 
-fn bits(v: Vec3) -> [u32; 3] {
-    // Adding zero turns -0.0 into 0.0.
-    (v + Vec3::ZERO).to_array().map(f32::to_bits)
-}
-
-fn find(parents: &mut [u32], mut i: u32) -> u32 {
-    while parents[i as usize] != i {
-        parents[i as usize] = parents[parents[i as usize] as usize];
-        i = parents[i as usize];
-    }
-    i
-}
-
-fn join(parents: &mut [u32], a: u32, b: u32) {
-    let (a, b) = (find(parents, a), find(parents, b));
-    parents[a.max(b) as usize] = a.min(b);
-}
-
-fn solid(scene: &Scene, vertices: &Welded, triangles: Vec<usize>) -> Option<Solid> {
-    if triangles.len() < TETRAHEDRON {
+/// An edge of a closed body.
+fn between(scene: &Scene, triangles: &[usize], corners: &[[Vec3; 3]], uses: &[EdgeUse]) -> Option<SolidEdge> {
+    let [a, b] = uses else { return None };
+    let (left, right) = if a.forward { (a, b) } else { (b, a) };
+    let material = |edge: &EdgeUse| scene.triangle_materials[triangles[edge.triangle as usize]];
+    if a.forward == b.forward || material(a) != material(b) {
         return None;
     }
-    let edges = closed_edges(scene, vertices, &triangles)?;
-    let corners: Vec<[Vec3; 3]> = triangles.iter().map(|&t| scene.triangles[t]).collect();
-    let material = scene.triangle_materials[triangles[0]];
-    is_convex(&corners).then_some(Solid { triangles, edges, material })
-}
-
-/// The edges, when each lies between exactly two faces that turn the same way.
-fn closed_edges(scene: &Scene, vertices: &Welded, triangles: &[usize]) -> Option<Vec<SolidEdge>> {
-    let mut faces = HashMap::new();
-    for &t in triangles {
-        let corners = vertices.corners(scene, t);
-        for i in 0..3 {
-            if faces.insert((corners[i], corners[(i + 1) % 3]), t).is_some() {
-                return None;
-            }
-        }
-    }
-    let mut edges = Vec::with_capacity(faces.len() / 2);
-    for &t in triangles {
-        let corners = vertices.corners(scene, t);
-        for i in 0..3 {
-            let (a, b) = (corners[i], corners[(i + 1) % 3]);
-            let right = *faces.get(&(b, a))?;
-            if a < b {
-                let ends = [scene.triangles[t][i], scene.triangles[t][(i + 1) % 3]];
-                let [left, right] = [t, right].map(|t| plane(&scene.triangles[t]));
-                edges.push(SolidEdge { ends, left, right });
-            }
-        }
-    }
-    Some(edges)
+    let (own, side) = (&corners[left.triangle as usize], usize::from(left.side));
+    let [left, right] = [left, right].map(|edge| plane(&corners[edge.triangle as usize]));
+    Some(SolidEdge { ends: [own[side], own[(side + 1) % 3]], left, right })
 }
 
 fn plane(corners: &[Vec3; 3]) -> Plane {
@@ -153,7 +116,7 @@ fn plane(corners: &[Vec3; 3]) -> Plane {
 fn is_convex(triangles: &[[Vec3; 3]]) -> bool {
     let boxes: Vec<(Vec3, Vec3)> =
         triangles.iter().map(|[a, b, c]| (a.min(*b).min(*c), a.max(*b).max(*c))).collect();
-    let tree = cluster(&boxes);
+    let tree = cluster(boxes.iter().copied());
     let mut bounds = vec![(Vec3::ZERO, Vec3::ZERO); tree.nodes.len()];
     for (i, node) in tree.nodes.iter().enumerate().rev() {
         bounds[i] = match *node {
@@ -169,7 +132,7 @@ fn is_convex(triangles: &[[Vec3; 3]]) -> bool {
         let furthest = Vec3::select(plane.normal.as_vec3().cmpgt(Vec3::ZERO), high, low);
         plane.normal.dot(furthest.as_dvec3()) - plane.offset > f64::from(slack)
     };
-    triangles.iter().all(|triangle| {
+    triangles.par_iter().with_min_len(256).all(|triangle| {
         let plane = plane(triangle);
         let mut stack = vec![0];
         while let Some(node) = stack.pop() {

@@ -83,7 +83,7 @@ impl<'a> View<'a> {
     /// Whether a sample's light arrives.
     pub(super) fn reached(&self, query: &Query, sample: &LightSample) -> bool {
         match &self.shape {
-            Shape::Convex(convex) => convex.reached(query, sample),
+            Shape::Convex(convex) => convex.light().reached(query, sample.point, sample.direction),
             _ => query.point.sees(query.accel, sample.point, sample.normal, sample.direction),
         }
     }

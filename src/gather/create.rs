@@ -14,8 +14,11 @@ use crate::settings::{GatherMethod, Settings};
 use crate::surfel::drawable::Drawables;
 use crate::surfel::lookup::RadianceLookup;
 
-/// Batch of the software rasteriser: large enough to share among threads, small enough to stay in the cache.
-const CPU_BATCH: usize = 256;
+/// Batches of the software rasteriser: enough groups to keep every thread busy to the end, few enough texels to stay in the
+/// cache where ids are wanted.
+const CPU_BATCH: std::ops::RangeInclusive<usize> = 64..=1024;
+/// Texels of a batch within these bounds.
+const CPU_BATCH_TEXELS: usize = 1024 * 192;
 
 /// The device that will gather, and why. Rays run on the CPU, whatever the device.
 ///
@@ -37,9 +40,11 @@ pub struct Surfels<'a> {
     pub drawables: &'a Drawables,
     /// To be looked up where a ray meets a surface.
     pub lookup: Option<&'a RadianceLookup>,
+    /// For gatherers that convolve their own hemicubes; without it, they hand back surfel ids.
+    pub convolver: Option<Convolver<'a>>,
 }
 
-/// Makes the gatherer. One that can convolve its own hemicubes does so with `convolver`; without, hemicubes come as ids.
+/// Makes the gatherer.
 ///
 /// # Errors
 /// When the device cannot be opened or has too little memory.
@@ -48,10 +53,9 @@ pub fn create<'a>(
     accel: &'a Accel,
     lights: &'a Lights,
     surfels: Surfels<'a>,
-    convolver: Option<Convolver<'a>>,
     settings: &Settings,
 ) -> Result<Box<dyn Gatherer + 'a>> {
-    let Surfels { drawables, lookup } = surfels;
+    let Surfels { drawables, lookup, convolver } = surfels;
     let resolution = settings.face_resolution;
     let frames_in_flight = settings.frames_in_flight;
     Ok(match (settings.gather, device) {
@@ -68,7 +72,7 @@ pub fn create<'a>(
         }
         (GatherMethod::Hemicube, Chosen::Cpu) => {
             let batch = match settings.batch {
-                BatchSize::Auto => CPU_BATCH,
+                BatchSize::Auto => cpu_batch(resolution),
                 BatchSize::Fixed(n) => n,
             };
             let cpu = CpuSettings { resolution, batch, frames_in_flight };
@@ -89,4 +93,9 @@ pub fn create<'a>(
             Box::new(VulkanGatherer::new(index, &drawables.splats, drawables.shape, vulkan)?)
         }
     })
+}
+
+fn cpu_batch(resolution: u32) -> usize {
+    let texels = 3 * (resolution as usize).pow(2);
+    (CPU_BATCH_TEXELS / texels).clamp(*CPU_BATCH.start(), *CPU_BATCH.end())
 }

@@ -8,6 +8,9 @@ use crate::surfel::tree::{CutSettings, ReceiverBounds, SurfelTree};
 use glam::Vec3;
 use rayon::prelude::*;
 
+/// A group whose cut is longer than this is halved.
+const LONG_CUT: usize = 1024;
+
 /// Largest group. More receivers share the cost of a cut, but a wider group sees a finer cut.
 const GROUP: usize = 16;
 /// A group ends where its normals turn by more than this (length of the difference).
@@ -70,24 +73,18 @@ fn with_cuts(
     settings: &CutSettings,
     batch_size: usize,
 ) -> Vec<Batch> {
-    let groups = groups(sorted);
-    let cuts: Vec<[Vec<u32>; LANES]> = groups
-        .par_chunks(LANES)
-        .map(|groups| {
-            let bounds: Vec<_> = groups.iter().map(|group| ReceiverBounds::new(group)).collect();
-            tree.cuts(&bounds, settings)
-        })
-        .collect();
+    let cuts: Vec<Vec<Cut>> =
+        groups(sorted, tree).par_chunks(LANES).map(|groups| cuts(groups, tree, settings)).collect();
     let mut batches = vec![Batch::default()];
     let mut first = 0;
-    for (group, cut) in groups.iter().zip(cuts.as_flattened()) {
+    for (group, cut) in cuts.into_iter().flatten() {
         for part in group.chunks(batch_size) {
             if batches.last().is_some_and(|b| b.receivers.len() + part.len() > batch_size) {
                 batches.push(Batch { first, ..Batch::default() });
             }
             if let Some(batch) = batches.last_mut() {
                 batch.receivers.extend_from_slice(part);
-                batch.cuts.extend_from_slice(cut);
+                batch.cuts.extend_from_slice(&cut);
                 batch.groups.push(Group { receivers: part.len() as u32, drawables: cut.len() as u32 });
             }
             first += part.len();
@@ -97,13 +94,38 @@ fn with_cuts(
     batches
 }
 
-/// Cuts the ordered receivers into runs of like normals.
-fn groups(sorted: &[Receiver]) -> Vec<&[Receiver]> {
+/// Receivers that share a cut, and the cut.
+type Cut<'a> = (&'a [Receiver], Vec<u32>);
+
+/// Cuts for up to [`LANES`] groups. Where surfels are many more than receivers, what is close to any of a scattered group is a
+/// long list: halves of such a group have shorter ones.
+fn cuts<'a>(groups: &[&'a [Receiver]], tree: &SurfelTree, settings: &CutSettings) -> Vec<Cut<'a>> {
+    let bounds: Vec<_> = groups.iter().map(|group| ReceiverBounds::new(group)).collect();
+    groups
+        .iter()
+        .zip(tree.cuts(&bounds, settings))
+        .flat_map(|(group, cut)| {
+            if cut.len() > LONG_CUT && group.len() > 1 {
+                let (low, high) = group.split_at(group.len() / 2);
+                cuts(&[low, high], tree, settings)
+            } else {
+                vec![(*group, cut)]
+            }
+        })
+        .collect()
+}
+
+/// Cuts the ordered receivers into runs of like normals, none of them so scattered that cutting for all would be waste.
+fn groups<'a>(sorted: &'a [Receiver], tree: &SurfelTree) -> Vec<&'a [Receiver]> {
     let mut groups = Vec::with_capacity(sorted.len() / GROUP + 1);
     let mut rest = sorted;
     while let Some(first) = rest.first() {
         let like = rest.iter().take(GROUP).take_while(|r| r.normal.distance(first.normal) < MAX_TURN).count();
-        let (group, others) = rest.split_at(like.max(1));
+        let mut count = like.max(1);
+        while count > 1 && tree.surfels_among(&ReceiverBounds::new(&rest[..count])) > LONG_CUT as f32 {
+            count /= 2;
+        }
+        let (group, others) = rest.split_at(count);
         groups.push(group);
         rest = others;
     }

@@ -11,7 +11,8 @@ use crate::hemicube::frame::Receiver;
 use crate::interrupt;
 use crate::math::{cosine_hemisphere, hash32};
 use crate::surfel::lookup::{RadianceLookup, SideLookup};
-use glam::{DVec3, Vec3};
+use crate::surfel::transfer::Row;
+use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -102,7 +103,7 @@ pub fn form_factors(
     lookup: &SideLookup,
     settings: TracedSettings,
     receivers: &[Receiver],
-) -> Result<Vec<(Vec<(u32, f32)>, f32)>> {
+) -> Result<Vec<Row>> {
     let rays = RaySets::new(settings);
     let row = |receiver: &Receiver| {
         interrupt::check()?;
@@ -156,7 +157,10 @@ impl RaySets {
 /// One set, along a Morton curve over the square that directions are mapped from.
 fn directions(seed: u32, set: u32, samples: u32) -> impl Iterator<Item = Vec3> {
     let sequence = Sequence::new(seed, u64::from(set), 0x7ace);
-    let mut points: Vec<_> = (0..samples).map(|i| sequence.point(i)).collect();
+    // A Hammersley set, scrambled: unlike a prefix of the sequence, it is even for any number of samples.
+    let even = |i: u32| (i as f32 + sequence.point(i).y) / samples as f32;
+    let mut points: Vec<_> =
+        (0..samples).map(|i| Vec2::new(even(i).min(1.0 - f32::EPSILON), sequence.point(i).x)).collect();
     points.sort_by_key(|p| interleave((p.x * 65_536.0) as u32) | interleave((p.y * 65_536.0) as u32) << 1);
     points.into_iter().map(cosine_hemisphere)
 }

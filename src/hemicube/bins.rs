@@ -2,7 +2,12 @@
 //! drawn.
 
 use super::local::HELD;
-use crate::lanes::LANES;
+use crate::lanes::{F32x8, LANES, Mask8};
+
+/// Rows that a face may have here.
+const MOST_ROWS: usize = LANES;
+/// Their numbers.
+static ROWS: [f32; MOST_ROWS] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
 /// For each row, the places of the splats that touch it, in the order in which they came.
 #[derive(Debug, Clone)]
@@ -28,15 +33,20 @@ impl RowBins {
         self.rows.iter_mut().for_each(|bin| bin.len = 0);
     }
 
-    /// Adds those of the eight splats from place `start` on whose bit is set.
+    /// Adds those of the eight splats from place `start` on whose bit is set in `which`, to the rows that they touch: of
+    /// `count` rows from `first` on, those from `bounds[0]` to `bounds[1]`.
     #[inline(always)]
-    pub fn add(&mut self, row: usize, start: usize, lanes: u32) {
-        let bin = &mut self.rows[row];
-        if let Some(to) = bin.places[bin.len..].first_chunk_mut::<LANES>() {
-            let which = &SET_BITS[lanes as usize % SET_BITS.len()];
-            *to = std::array::from_fn(|i| which[i] + start as u16);
+    pub fn add<F: F32x8>(&mut self, first: usize, count: usize, start: usize, which: u32, bounds: [F; 2]) {
+        let start = start as u16;
+        for (bin, &y) in self.rows[first..].iter_mut().zip(&ROWS[..count]) {
+            let y = F::splat(y);
+            let lanes = bounds[0].le(y).and(y.le(bounds[1])).bits() & which;
+            let bits = &SET_BITS[lanes as usize % SET_BITS.len()];
+            if let Some(to) = bin.places[bin.len..].first_chunk_mut::<LANES>() {
+                *to = std::array::from_fn(|i| bits[i] + start);
+            }
+            bin.len += lanes.count_ones() as usize;
         }
-        bin.len += lanes.count_ones() as usize;
     }
 
     /// The places of the splats that touch a row.

@@ -4,7 +4,7 @@
 use super::cover::{EDGE_COS, EDGE_SIN, PLANE_EPSILON};
 use super::frame::{RECEIVER_INSIDE, Receiver};
 use super::splats::{SplatBlock, SplatLanes};
-use crate::lanes::{F32x8, LANES, Mask8, U32x8, dot, vector};
+use crate::lanes::{F32x8, LANES, Mask8, U32x8, dot, sub, vector};
 use crate::math::Frame;
 use glam::Vec3;
 
@@ -74,9 +74,8 @@ impl Local {
         b: usize,
     ) -> Option<(usize, u32, Extent<F>)> {
         let block = &splats.blocks[b];
-        let (zero, origin) = (F::splat(0.0), vector::<F>(eye.position));
-        let position: [F; 3] = load(&block.position);
-        let centre = rotate(&eye.frame, std::array::from_fn(|k| position[k] - origin[k]));
+        let zero = F::splat(0.0);
+        let centre = rotate(&eye.frame, sub(load::<F>(&block.position), vector(eye.position)));
         let radius = F::load(&block.radius);
         let above = (centre[2] + radius).gt(zero);
         if above.bits() == 0 {
@@ -102,7 +101,8 @@ impl Local {
             self.put_axes::<F>(start, &eye.frame, axes);
         }
         self.len = start + LANES;
-        let half = std::array::from_fn(|k| half_extent(normal[k], radius));
+        let half =
+            [half_extent(normal[0], radius), half_extent(normal[1], radius), half_extent(normal[2], radius)];
         Some((start, seen, Extent { centre, half }))
     }
 
@@ -121,7 +121,9 @@ impl Local {
     fn put_axes<F: F32x8>(&mut self, start: usize, frame: &Frame, axes: &[[[f32; LANES]; 3]; 2]) {
         for (store, axis) in self.axes.iter_mut().zip(axes) {
             let axis: [F; 3] = rotate(frame, load(axis));
-            (0..3).for_each(|k| put(&mut store[k], start, axis[k]));
+            put(&mut store[0], start, axis[0]);
+            put(&mut store[1], start, axis[1]);
+            put(&mut store[2], start, axis[2]);
         }
     }
 
@@ -143,17 +145,16 @@ impl Local {
         at: &Directions<F>,
     ) -> (F, F::Mask) {
         let i = i % HELD;
-        let [right, up, forward] = AXES[FACE];
         let (u, v) = (at.u, at.v);
-        let [px, py, pz] = [right, up, forward].map(|k| F::splat(self.plane[k][i]));
-        let [cx, cy, cz] = [right, up, forward].map(|k| F::splat(self.centre[k][i]));
+        let [px, py, pz] = on_axes::<F, FACE>(&self.plane, i);
+        let [cx, cy, cz] = on_axes::<F, FACE>(&self.centre, i);
         let across = px * u + py * v;
         let z = if FORWARD[FACE] > 0.0 { across + pz } else { across - pz };
         let o = [u - cx * z, v - cy * z, F::splat(FORWARD[FACE]) - cz * z];
         let reach = F::splat(self.radius[i]) * z;
         let within = if TRIANGLE {
-            let axis = |a: &[[f32; HELD]; 3]| [right, up, forward].map(|k| F::splat(a[k][i]));
-            let (a, b) = (dot(o, axis(&self.axes[0])), dot(o, axis(&self.axes[1])));
+            let a = dot(o, on_axes::<F, FACE>(&self.axes[0], i));
+            let b = dot(o, on_axes::<F, FACE>(&self.axes[1], i));
             let inner = F::splat(0.5) * reach;
             let (along, across) = (F::splat(EDGE_COS) * a, F::splat(EDGE_SIN) * b);
             (along + across).le(inner).and(a.negate().le(inner)).and((along - across).le(inner))
@@ -185,10 +186,17 @@ pub struct Directions<F> {
     pub v: F,
 }
 
-/// Half the size, along one axis, of discs whose unit normals have this component there.
+/// Vector `i` along a face's axes but for their signs, in all lanes.
+#[inline(always)]
+fn on_axes<F: F32x8, const FACE: usize>(store: &[[f32; HELD]; 3], i: usize) -> [F; 3] {
+    let [right, up, forward] = AXES[FACE];
+    [F::splat(store[right][i]), F::splat(store[up][i]), F::splat(store[forward][i])]
+}
+
+/// At least half the size, along one axis, of discs whose unit normals have this component there.
 #[inline(always)]
 fn half_extent<F: F32x8>(normal: F, radius: F) -> F {
-    (F::splat(1.0) - normal * normal).max(F::splat(0.0)).sqrt() * radius
+    (F::splat(1.0) - normal * normal).max(F::splat(0.0)).sqrt_or_more() * radius
 }
 
 #[inline(always)]

@@ -50,9 +50,13 @@ impl Raster {
 
     /// Draws every splat as `receiver` sees it; the nearest wins, the first among equals.
     pub fn draw(&mut self, receiver: &Receiver, splats: &SplatLanes) {
+        self.clear();
+        lanes::run(Drawing { raster: self, receiver, splats });
+    }
+
+    fn clear(&mut self) {
         self.depth.fill([0.0; LANES]);
         self.marks.fill([0; LANES]);
-        lanes::run(Drawing { raster: self, receiver, splats });
     }
 
     /// Marks of the N pixels of row `y` of a face.
@@ -111,15 +115,12 @@ impl Raster {
         }
         let n = self.resolution as f32;
         let bounds = PixelBounds::<F>::new::<FACE>(extent, n);
-        let columns = bounds.hold_a_column(n);
+        let which = bounds.hold_a_column(n).bits() & touching;
         if self.u.len() == 1 {
-            for y in 0..rows(FACE, self.resolution) {
-                let row = F::splat(y as f32);
-                let within = bounds.y[0].le(row).and(row.le(bounds.y[1])).and(columns);
-                self.bins.add(self.first_row[FACE] + y as usize, start, within.bits() & touching);
-            }
+            let count = rows(FACE, self.resolution) as usize;
+            self.bins.add(self.first_row[FACE], count, start, which, bounds.y);
         } else {
-            self.draw_block::<F, FACE, TRIANGLE>(start, columns.bits() & touching, &bounds);
+            self.draw_block::<F, FACE, TRIANGLE>(start, which, &bounds);
         }
     }
 
@@ -150,15 +151,10 @@ impl Raster {
         mut todo: u32,
         bounds: &PixelBounds<F>,
     ) {
-        let whole = |x: F, most: u32| {
-            let mut array = [0.0; LANES];
-            x.max(F::splat(-1.0)).min(F::splat(most as f32)).store(&mut array);
-            array
-        };
-        let (n, height) = (self.resolution, rows(FACE, self.resolution));
-        let (x0, x1) = (whole(bounds.x[0].ceil(), n), whole(bounds.x[1].floor() + F::splat(1.0), n));
+        let (n, height) = (self.resolution as f32, rows(FACE, self.resolution) as f32);
+        let (x0, x1) = (clamped(bounds.x[0].ceil(), n), clamped(bounds.x[1].floor() + F::splat(1.0), n));
         let (y0, y1) =
-            (whole(bounds.y[0].ceil(), height), whole(bounds.y[1].floor() + F::splat(1.0), height));
+            (clamped(bounds.y[0].ceil(), height), clamped(bounds.y[1].floor() + F::splat(1.0), height));
         while todo != 0 {
             let i = todo.trailing_zeros() as usize;
             todo &= todo - 1;
@@ -197,6 +193,12 @@ impl Raster {
     }
 }
 
+/// Whole numbers from 0 to `most`.
+#[inline(always)]
+fn clamped<F: F32x8>(x: F, most: f32) -> [f32; LANES] {
+    x.max(F::splat(0.0)).min(F::splat(most)).to_array()
+}
+
 /// [`Raster::draw_lanes`] as a task for whatever lanes there are.
 struct Drawing<'a> {
     raster: &'a mut Raster,
@@ -214,5 +216,50 @@ impl LaneTask for Drawing<'_> {
             SurfelShape::Disc => self.raster.draw_lanes::<F, false>(&eye, self.splats),
             SurfelShape::Triangle => self.raster.draw_lanes::<F, true>(&eye, self.splats),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lanes::Portable;
+    use crate::math::{Rng, uniform_sphere};
+    use crate::surfel::cloud::Splat;
+    use crate::surfel::drawable::in_plane_axes;
+    use glam::Vec3;
+
+    #[test]
+    fn all_lanes_draw_alike() {
+        for shape in [SurfelShape::Disc, SurfelShape::Triangle] {
+            let cloud = splats(1200);
+            let mut splats = SplatLanes::default();
+            let all: Vec<u32> = (0..cloud.len() as u32).collect();
+            splats.fill(&cloud, &in_plane_axes(&cloud, shape), &all);
+            for resolution in [4, 8, 10, 32] {
+                let (mut best, mut portable) = (Raster::new(resolution), Raster::new(resolution));
+                for seed in 0..20 {
+                    let normal = Vec3::new(0.3, -0.2, seed as f32 - 9.5).normalize();
+                    let receiver = Receiver { position: Vec3::ZERO, normal, seed, flags: seed % 2 };
+                    best.draw(&receiver, &splats);
+                    portable.clear();
+                    Drawing { raster: &mut portable, receiver: &receiver, splats: &splats }.run::<Portable>();
+                    assert!(best.marks.iter().flatten().any(|&mark| mark != 0), "something is seen");
+                    assert_eq!(best.marks, portable.marks, "N = {resolution}, {shape:?}, receiver {seed}");
+                    assert_eq!(best.depth, portable.depth, "N = {resolution}, {shape:?}, receiver {seed}");
+                }
+            }
+        }
+    }
+
+    /// Splats about the origin.
+    fn splats(count: usize) -> Vec<Splat> {
+        let mut rng = Rng::new(7, 0);
+        let splat = |_| Splat {
+            position: (uniform_sphere(rng.unit2()) * (0.05 + rng.unit())).to_array(),
+            radius: 0.1 * rng.unit(),
+            normal: uniform_sphere(rng.unit2()).to_array(),
+            flags: rng.next_u32() % 4,
+        };
+        (0..count).map(splat).collect()
     }
 }

@@ -204,6 +204,7 @@ mod normalise;
 pub mod obj;
 pub mod pov;
 mod source;
+pub mod topology;
 
 pub use framing::default_framing;
 pub use load::load;

@@ -4,6 +4,7 @@ use super::interpolate::interpolate;
 use super::points::{ShadingPoint, View};
 use super::visible::Visible;
 use crate::error::Result;
+use crate::gather::device::Chosen;
 use crate::gather::stage::gather_all;
 use crate::gather::{Estimate, Gathered, Gatherer, Output};
 use crate::hemicube::convolve::Convolver;
@@ -40,6 +41,11 @@ impl<'a> Gathering<'a> {
             format!("up to {size} gathers a batch, up to {in_flight} batches under way at once")
         });
         Ok(Self { world, settings, run, gatherer })
+    }
+
+    /// Whether gathering keeps the CPU's workers as busy as direct light does, so that neither need wait for a device.
+    pub fn on_cpu(&self) -> bool {
+        self.world.device.device == Chosen::Cpu
     }
 
     /// Irradiance of indirect light at every visible point, W m-2; zero where it cannot be seen.

@@ -1,9 +1,13 @@
 //! Camera rays and the shading points that they find.
 
 use crate::accel::{Accel, Hit};
-use crate::math::{Rng, hash32};
+use crate::direct::sequence::Sequence;
+use crate::math::hash32;
 use crate::scene::{Camera, Material, Scene};
 use glam::{Vec2, Vec3};
+
+/// Sets places within pixels apart from other random numbers.
+const PLACES: u32 = 0x5eed_ca3e;
 
 /// Where a camera ray met a surface, from the side that the camera sees.
 #[derive(Debug, Clone, Copy)]
@@ -73,10 +77,17 @@ impl View {
         self.trace(accel, Vec2::new(x as f32 + 0.5, y as f32 + 0.5), self.stream(x, y, 0))
     }
 
-    /// What the ray of one of a pixel's samples meets, jittered within its stratum.
+    /// What the ray of one of a pixel's samples meets; samples are spread evenly, whatever their number.
     pub fn trace_sample(&self, accel: &Accel, x: u32, y: u32, sample: u32) -> Option<ShadingPoint> {
-        let stream = self.stream(x, y, sample);
-        self.trace(accel, Vec2::new(x as f32, y as f32) + self.jitter(stream, sample), stream)
+        let places = Sequence::new(self.seed, self.stream(x, y, 0), PLACES);
+        self.trace(accel, Vec2::new(x as f32, y as f32) + places.point(sample), self.stream(x, y, sample))
+    }
+
+    /// What a ray through the pixel to which a sample's stream belongs meets; `within` is in the unit square.
+    pub fn trace_within(&self, accel: &Accel, stream: u64, within: Vec2) -> Option<ShadingPoint> {
+        let pixel = stream / u64::from(self.samples);
+        let (x, y) = (pixel % u64::from(self.width), pixel / u64::from(self.width));
+        self.trace(accel, Vec2::new(x as f32, y as f32) + within, stream)
     }
 
     /// Unit direction from a point to the camera.
@@ -137,17 +148,6 @@ impl View {
         let direction = (self.forward + self.right * s + self.up * t).normalize();
         let hit = accel.closest_hit(self.origin, direction, f32::INFINITY)?;
         Some(surface(accel.scene(), stream, &hit))
-    }
-
-    fn jitter(&self, stream: u64, sample: u32) -> Vec2 {
-        let mut rng = Rng::new(self.seed ^ 0x5eed_ca3e, stream);
-        let columns = f64::from(self.samples).sqrt().ceil() as u32;
-        let rows = self.samples.div_ceil(columns);
-        if columns * rows != self.samples {
-            return rng.unit2();
-        }
-        let cell = Vec2::new((sample % columns) as f32, (sample / columns) as f32);
-        (cell + rng.unit2()) / Vec2::new(columns as f32, rows as f32)
     }
 }
 

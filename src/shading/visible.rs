@@ -41,36 +41,34 @@ impl Visible {
         if view.samples == 1 {
             return Ok(Self::of_middles(middles));
         }
-        let pixels: Vec<u32> = (0..middles.points.len() as u32).collect();
-        let refined: Vec<(u32, Vec<(ShadingPoint, u32)>)> = pixels
+        let edges: Vec<u32> = (0..middles.points.len() as u32)
             .into_par_iter()
             .with_min_len(256)
-            .filter(|&p| middles.on_edge(view, p))
-            .map(|p| (p, group(view, accel, middles.width, middles.rows.start, p)))
+            .filter(|&pixel| middles.on_edge(view, pixel))
             .collect();
+        let refined: Vec<Refined> =
+            edges.par_chunks(64).map(|pixels| middles.refine(view, accel, pixels)).collect();
         interrupt::check()?;
-        Ok(Self::with_refined(middles, &refined, view.samples))
+        Ok(Self::with_refined(middles, &refined))
     }
 
     fn of_middles(middles: Middles) -> Self {
-        Self::with_refined(middles, &[], 1)
+        Self::with_refined(middles, &[])
     }
 
-    fn with_refined(middles: Middles, refined: &[(u32, Vec<(ShadingPoint, u32)>)], samples: u32) -> Self {
+    fn with_refined(middles: Middles, refined: &[Refined]) -> Self {
         let Middles { width, rows, points: found } = middles;
         let mut visible = Self { width, rows, ..Self::default() };
-        visible.points.reserve(found.len() + refined.iter().map(|(_, groups)| groups.len()).sum::<usize>());
+        visible.points.reserve(found.len() + refined.iter().map(|r| r.points.len()).sum::<usize>());
         visible.shares.reserve(visible.points.capacity());
         visible.starts.reserve(found.len() + 1);
-        let mut refined = refined.iter().peekable();
-        for (p, middle) in found.into_iter().enumerate() {
+        let mut refined = refined.iter().flat_map(Refined::pixels).peekable();
+        for (pixel, middle) in found.into_iter().enumerate() {
             visible.starts.push(visible.points.len() as u32);
-            match refined.next_if(|(pixel, _)| *pixel as usize == p) {
-                Some((_, groups)) => {
-                    for &(point, count) in groups {
-                        visible.points.push(point);
-                        visible.shares.push(count as f32 / samples as f32);
-                    }
+            match refined.next_if(|r| r.pixel as usize == pixel) {
+                Some(edge) => {
+                    visible.points.extend_from_slice(edge.points);
+                    visible.shares.extend_from_slice(edge.shares);
                 }
                 None => {
                     visible.points.extend(middle);
@@ -147,7 +145,7 @@ impl Middles {
 }
 
 /// Whether two points lie on one smooth surface of one material, as far as a pixel that is `footprint` wide can tell.
-fn same_surface(a: &ShadingPoint, b: &ShadingPoint, footprint: f32) -> bool {
+pub(super) fn same_surface(a: &ShadingPoint, b: &ShadingPoint, footprint: f32) -> bool {
     let offset = b.position - a.position;
     a.material == b.material
         && a.black == b.black
@@ -155,20 +153,70 @@ fn same_surface(a: &ShadingPoint, b: &ShadingPoint, footprint: f32) -> bool {
         && offset.dot(a.normal + b.normal).abs() < 2.0 * EDGE_STEP * footprint
 }
 
-/// All samples of a pixel, those on one surface taken together: the point that stands for them, and how many they are;
-/// the largest group first.
-fn group(view: &View, accel: &Accel, width: u32, first_row: u32, pixel: u32) -> Vec<(ShadingPoint, u32)> {
-    let (x, y) = (pixel % width, first_row + pixel / width);
-    let mut groups: Vec<Vec<ShadingPoint>> = Vec::new();
-    for point in (0..view.samples).filter_map(|sample| view.trace_sample(accel, x, y, sample)) {
-        let footprint = view.footprint(point.position);
-        match groups.iter_mut().find(|group| same_surface(&group[0], &point, footprint)) {
-            Some(group) => group.push(point),
-            None => groups.push(vec![point]),
+/// Pixels with all their samples, those on one surface taken together.
+#[derive(Default)]
+struct Refined {
+    /// Each pixel, and where its points end.
+    pixels: Vec<(u32, usize)>,
+    points: Vec<ShadingPoint>,
+    shares: Vec<f32>,
+}
+
+/// One of them.
+struct RefinedPixel<'a> {
+    pixel: u32,
+    points: &'a [ShadingPoint],
+    shares: &'a [f32],
+}
+
+impl Refined {
+    fn pixels(&self) -> impl Iterator<Item = RefinedPixel<'_>> {
+        let starts = std::iter::once(0).chain(self.pixels.iter().map(|(_, end)| *end));
+        starts.zip(&self.pixels).map(|(start, &(pixel, end))| RefinedPixel {
+            pixel,
+            points: &self.points[start..end],
+            shares: &self.shares[start..end],
+        })
+    }
+}
+
+impl Middles {
+    fn refine(&self, view: &View, accel: &Accel, pixels: &[u32]) -> Refined {
+        let mut refined = Refined::default();
+        let (mut samples, mut groups) = (Vec::with_capacity(view.samples as usize), Vec::new());
+        for &pixel in pixels {
+            let (x, y) = (pixel % self.width, self.rows.start + pixel / self.width);
+            samples.clear();
+            samples.extend((0..view.samples).filter_map(|sample| view.trace_sample(accel, x, y, sample)));
+            group(view, &mut samples, &mut groups);
+            for group in &groups {
+                refined.points.push(representative(&samples[group.clone()]));
+                refined.shares.push(group.len() as f32 / view.samples as f32);
+            }
+            refined.pixels.push((pixel, refined.points.len()));
         }
+        refined
+    }
+}
+
+/// Sorts samples by surface; `groups` are then the ranges of one surface each, the largest first.
+fn group(view: &View, samples: &mut [ShadingPoint], groups: &mut Vec<Range<usize>>) {
+    groups.clear();
+    let mut first = 0;
+    while first < samples.len() {
+        let leader = samples[first];
+        let footprint = view.footprint(leader.position);
+        let mut end = first + 1;
+        for i in first + 1..samples.len() {
+            if same_surface(&leader, &samples[i], footprint) {
+                samples.swap(i, end);
+                end += 1;
+            }
+        }
+        groups.push(first..end);
+        first = end;
     }
     groups.sort_by_key(|group| std::cmp::Reverse(group.len()));
-    groups.iter().map(|group| (representative(group), group.len() as u32)).collect()
 }
 
 /// The member nearest to the middle of a group; where all lie in one plane, moved there.

@@ -11,7 +11,7 @@ use crate::scene::{Located, Quadric, Scene};
 use glam::{Mat3A, Vec2, Vec3, Vec3A};
 
 /// Distance between samples, in spacings of the surfels.
-const STEP: f32 = 1.0;
+const STEP: f32 = 1.4;
 
 /// Columns of a triangle, in widths: a triangle pointed at both ends is narrower than its shortest side.
 const WIDTHS: f32 = 4.0;

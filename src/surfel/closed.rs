@@ -1,10 +1,10 @@
 //! Closed surfaces: those whose backs nobody sees from outside, so that they need not be drawn.
 
 use super::element::{triangle_area, triangle_normal};
-use super::topology::{Edges, Sets};
 use crate::accel::{Accel, offset_origin};
 use crate::math::{Frame, Rng, cosine_hemisphere, uniform_triangle};
 use crate::scene::Scene;
+use crate::scene::topology::{Edges, Sets};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -65,8 +65,8 @@ impl ClosedTest {
 
     /// Finds the closed surfaces: spheres, cuboids, watertight meshes, and meshes that are open only towards something that
     /// stops up the hole, such as a box without a bottom on a floor.
-    pub fn new(scene: &Scene, accel: &Accel) -> Self {
-        let (components, of_triangle) = components(scene);
+    pub fn new(scene: &Scene, edges: &Edges, accel: &Accel) -> Self {
+        let (components, of_triangle) = components(scene, edges);
         let closed: Vec<bool> = components
             .par_iter()
             .enumerate()
@@ -172,8 +172,7 @@ fn cell(p: Vec3) -> usize {
 }
 
 /// Connected sets of triangles, and the set that each triangle is in.
-fn components(scene: &Scene) -> (Vec<Component>, Vec<u32>) {
-    let edges = Edges::new(&scene.triangles);
+fn components(scene: &Scene, edges: &Edges) -> (Vec<Component>, Vec<u32>) {
     let mut sets = Sets::new(scene.triangles.len());
     for pair in edges.iter().flat_map(|uses| uses.windows(2)) {
         sets.unite(pair[0].triangle, pair[1].triangle, false);

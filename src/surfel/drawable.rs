@@ -25,7 +25,7 @@ pub struct Drawables {
 impl Drawables {
     /// The drawables of a shaded cloud.
     pub fn new(cloud: &SurfelCloud, tree: Option<&SurfelTree>) -> Self {
-        let splats = tree.map_or_else(|| cloud.splats(), |tree| tree.splats.clone());
+        let splats = tree.map_or_else(|| cloud.splats(), |tree| tree.splats(cloud));
         let closed = cloud.flags.iter().all(|f| f & FLAG_CULL_BACK != 0);
         let mut drawables = Self { splats, shape: cloud.shape, closed, ..Self::default() };
         drawables.relight(cloud, tree);

@@ -92,16 +92,50 @@ impl Element {
         Vec3::from(cofactors(quadric) * on_sphere).try_normalize().unwrap_or(self.normal)
     }
 
+    /// The normal, or its opposite, at a point of the element, on the side that the patch counts as its front.
+    pub fn side_at(&self, scene: &Scene, point: Vec3) -> Vec3 {
+        // Only flat elements may be mirrored.
+        if self.is_flat() { self.side } else { self.normal_at(scene, point) }
+    }
+
+    /// Whether its normal is the same everywhere.
+    pub fn is_flat(&self) -> bool {
+        !matches!(self.form, Form::Cell { .. })
+    }
+
+    /// The point of the element's surface that is nearest to a point close to it; of a curved one, a near one.
+    pub fn nearest(&self, scene: &Scene, point: Vec3) -> Vec3 {
+        match self.form {
+            Form::Triangle { apex, to_base, base } => {
+                nearest_of_triangle([apex, apex + to_base, apex + to_base + base], point)
+            }
+            Form::Parallelogram { corner, across, along } => {
+                let far = corner + across + along;
+                let halves =
+                    [corner + across, corner + along].map(|c| nearest_of_triangle([corner, c, far], point));
+                let [a, b] = halves.map(|p| p.distance_squared(point));
+                if a <= b { halves[0] } else { halves[1] }
+            }
+            Form::Cell { sphere, .. } => {
+                let quadric = &scene.spheres[sphere];
+                let on_sphere = quadric.to_object.transform_point3(point).try_normalize();
+                on_sphere.map_or(point, |p| quadric.to_scene.transform_point3(p))
+            }
+        }
+    }
+
     /// Sharp corners of the element, in their order around it; none when it is curved.
     pub fn corners(&self) -> impl Iterator<Item = Vec3> {
-        let corners = match self.form {
-            Form::Triangle { apex, to_base, base } => vec![apex, apex + to_base, apex + to_base + base],
-            Form::Parallelogram { corner, across, along } => {
-                vec![corner, corner + across, corner + across + along, corner + along]
+        let (corners, count) = match self.form {
+            Form::Triangle { apex, to_base, base } => {
+                ([apex, apex + to_base, apex + to_base + base, Vec3::ZERO], 3)
             }
-            Form::Cell { .. } => Vec::new(),
+            Form::Parallelogram { corner, across, along } => {
+                ([corner, corner + across, corner + across + along, corner + along], 4)
+            }
+            Form::Cell { .. } => ([Vec3::ZERO; 4], 0),
         };
-        corners.into_iter()
+        corners.into_iter().take(count)
     }
 
     /// Rows and columns, in the square that [`Element::point`] maps, of about `count` strata of even width and height.
@@ -146,6 +180,31 @@ fn from_apex(corners: [Vec3; 3], before: impl Fn(f32, f32) -> bool) -> [Vec3; 3]
         }
     }
     [0, 1, 2].map(|i| corners[(apex + i) % 3])
+}
+
+/// The point of a triangle nearest to a point (Ericson, Real-Time Collision Detection, 5.1.5).
+fn nearest_of_triangle([a, b, c]: [Vec3; 3], point: Vec3) -> Vec3 {
+    let (ab, ac) = (b - a, c - a);
+    let from = [a, b, c].map(|corner| point - corner);
+    let [d1, d3, d5] = from.map(|v| ab.dot(v));
+    let [d2, d4, d6] = from.map(|v| ac.dot(v));
+    // Twice the areas, up to a factor, of the triangles that the point makes with the edges.
+    let [opposite_a, opposite_b, opposite_c] = [d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2];
+    let part = |of: f32, rest: f32| if of + rest > 0.0 { (of / (of + rest)).clamp(0.0, 1.0) } else { 0.0 };
+    if opposite_c <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        a + ab * part(d1, -d3)
+    } else if opposite_b <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        a + ac * part(d2, -d6)
+    } else if opposite_a <= 0.0 && d4 >= d3 && d5 >= d6 {
+        b + (c - b) * part(d4 - d3, d5 - d6)
+    } else if opposite_a > 0.0 && opposite_b > 0.0 && opposite_c > 0.0 {
+        let sum = opposite_a + opposite_b + opposite_c;
+        a + ab * (opposite_b / sum) + ac * (opposite_c / sum)
+    } else {
+        let squared = from.map(|v| v.length_squared());
+        let nearest = (1..3).fold(0, |best, i| if squared[i] < squared[best] { i } else { best });
+        [a, b, c][nearest]
+    }
 }
 
 /// Unit normal of a triangle's front, in f64 inside: thin triangles keep their direction.
@@ -200,13 +259,13 @@ pub fn sphere_area(quadric: &Quadric) -> f64 {
     cells(AREA_ROWS, 2 * AREA_ROWS).map(|(z, l)| f64::from(cell_area(&cofactors, z, l))).sum()
 }
 
-/// Cuts a sphere along parallels and meridians into about `samples` cells.
-pub fn sphere(scene: &Scene, sphere: usize, samples: usize) -> Vec<Element> {
+/// Cuts a sphere along parallels and meridians into about `pieces` cells, within each of which area is stretched evenly.
+pub fn sphere(scene: &Scene, sphere: usize, pieces: usize) -> Vec<Element> {
     let quadric = &scene.spheres[sphere];
     let cofactors = cofactors(quadric);
     // Cells of even width and height at the equator: z spans 2, longitude 2 pi.
-    let rows = ((samples as f32 / std::f32::consts::PI).sqrt() as usize).max(SPHERE_ROWS);
-    let columns = (samples / rows).max(2 * SPHERE_ROWS);
+    let rows = ((pieces as f32 / std::f32::consts::PI).sqrt() as usize).max(SPHERE_ROWS);
+    let columns = (pieces / rows).max(2 * SPHERE_ROWS);
     let primitive = (scene.triangles.len() + sphere) as u32;
     cells(rows, columns)
         .map(|(z, longitude)| {

@@ -1,19 +1,24 @@
-//! From surfaces to surfels: sample, eliminate, even out, measure.
+//! From surfaces to surfels: sample, spread, even out, measure.
 //!
-//! After Schmitt 2012, algorithms 4.2 to 4.6, with three changes: elimination takes O(n log n) steps; it works across the
-//! triangles of a mesh; and each surfel gets the size that its own Voronoi cell needs instead of one for all.
+//! After Schmitt 2012, algorithms 4.2 to 4.6, with three changes: samples are not eliminated pair by pair, but halved and evened
+//! out; this works across the triangles of a mesh; and each surfel gets the size that its own Voronoi cell needs instead of
+//! one for all.
 
+use super::centres::{Centres, Place, recentre};
 use super::closed::ClosedTest;
 use super::cloud::{FLAG_CULL_BACK, FLAG_TWO_SIDED, SurfelCloud, SurfelShape};
-use super::element;
-use super::eliminate::{Surface, eliminate};
+use super::element::{self, Element};
 use super::patch::{Patch, patches};
-use super::sample::samples;
-use super::share::{Centres, Measure, recentre};
+use super::sample::{Sample, samples};
+use super::share::Measure;
+use super::spread::Surface;
 use crate::error::{Error, Result};
+use crate::heap;
 use crate::interrupt;
 use crate::math::Rng;
+use crate::progress::Reporter;
 use crate::scene::Scene;
+use crate::scene::topology::Edges;
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -21,13 +26,19 @@ use rayon::prelude::*;
 pub const MOST_SURFELS: u64 = 50_000_000;
 
 /// Samples a surfel: they measure its area and size.
-const SAMPLES: usize = 12;
+const SAMPLES: usize = 8;
 
-/// Every so many samples one is a candidate for a surfel: 4 a surfel, where the thesis takes 2.
-const STRIDE: usize = 3;
-
-/// Steps of evening out after elimination.
+/// Steps of evening out.
 const STEPS: usize = 2;
+
+/// Steps before and behind: samples, first centres, shares.
+const STEPS_AROUND: u64 = 3;
+
+/// Pieces that curved surfaces are cut into, at the most.
+const MOST_PIECES: usize = 32_768;
+
+/// Surfels from which on their generation takes so long that progress is shown.
+const SHOWN_FROM: u64 = 200_000;
 
 /// How many surfels a scene gets.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,12 +62,22 @@ pub struct GenerateSettings {
     pub seed: u32,
 }
 
-/// The cloud of a scene, still dark: `shade` fills in the radiance. `closed` says which surfels may be culled from behind.
+/// The cloud of a scene, still dark: `shade` fills in the radiance. `edges` are those of the scene's triangles; `closed` says
+/// which surfels may be culled from behind. Long work is shown to the user.
 ///
 /// # Errors
 /// When the settings ask for no surfels at all or for more than [`MOST_SURFELS`], or the user interrupts.
-pub fn generate(scene: &Scene, closed: &ClosedTest, settings: &GenerateSettings) -> Result<SurfelCloud> {
-    let plan = Plan::new(scene, settings.density)?;
+pub fn generate(
+    scene: &Scene,
+    edges: &Edges,
+    closed: &ClosedTest,
+    settings: &GenerateSettings,
+    reporter: &Reporter,
+) -> Result<SurfelCloud> {
+    let plan = Plan::new(scene, edges, settings.density)?;
+    let total: u64 = plan.counts.iter().sum();
+    let progress =
+        (total >= SHOWN_FROM).then(|| reporter.progress("surfels", total * (STEPS as u64 + STEPS_AROUND)));
     let parts: Vec<Vec<Surfel>> = plan
         .patches
         .par_iter()
@@ -64,9 +85,16 @@ pub fn generate(scene: &Scene, closed: &ClosedTest, settings: &GenerateSettings)
         .enumerate()
         .map(|(i, (patch, &count))| {
             let mut rng = Rng::new(settings.seed, i as u64);
-            cover(scene, patch, count as usize, settings.shape, &mut rng)
+            let step_done = || {
+                progress.iter().for_each(|bar| bar.advance(count));
+                interrupt::check()
+            };
+            cover(scene, patch, count as usize, settings.shape, &mut rng, step_done)
         })
         .collect::<Result<_>>()?;
+    if total >= SHOWN_FROM {
+        heap::give_back();
+    }
     Ok(assemble(scene, closed, settings.shape, &parts))
 }
 
@@ -77,7 +105,7 @@ struct Plan {
 }
 
 impl Plan {
-    fn new(scene: &Scene, density: Density) -> Result<Self> {
+    fn new(scene: &Scene, edges: &Edges, density: Density) -> Result<Self> {
         let surfel_area = match density {
             Density::Count(n) => Some(total_area(scene) / n as f64),
             Density::Spacing(d) => Some(f64::from(d) * f64::from(d.max(0.0))),
@@ -92,7 +120,7 @@ impl Plan {
             _ => 0.0,
         };
         check(expected)?;
-        let patches = patches(scene, surfel_area.map(|area| area.sqrt() as f32));
+        let patches = patches(scene, edges, surfel_area.map(|area| area.sqrt() as f32));
         let counts = match (density, surfel_area) {
             (Density::PerPrimitive(n), _) => vec![n; patches.len()],
             (_, Some(area)) => by_area(&patches, area),
@@ -147,68 +175,68 @@ struct Surfel {
     primitive: u32,
 }
 
-/// Covers a patch with about `count` surfels.
+/// Covers a patch with about `count` surfels. Calls `step_done` after each of its steps.
 fn cover(
     scene: &Scene,
     patch: &Patch,
     count: usize,
     shape: SurfelShape,
     rng: &mut Rng,
+    step_done: impl Fn() -> Result<()>,
 ) -> Result<Vec<Surfel>> {
-    interrupt::check()?;
-    let wanted = count * SAMPLES;
-    let elements = patch.elements(scene, wanted);
-    let samples = samples(scene, &elements, wanted, rng);
-    let mut points: Vec<(Vec3, Vec3)> =
-        samples.iter().map(|s| (s.position, elements[s.element as usize].side)).collect();
-
-    let candidates: Vec<(Vec3, Vec3)> = points.iter().step_by(STRIDE).copied().collect();
-    let surface = Surface { area: patch.area, outline: patch.outline };
-    let mut chosen = eliminate(&candidates, count, &surface)?;
-    chosen.iter_mut().for_each(|c| *c *= STRIDE as u32);
-
+    let elements = patch.elements(scene, count.min(MOST_PIECES));
+    let surface = Surface::new(scene, &elements, patch.area);
+    let mut samples = samples(scene, &elements, count * SAMPLES, rng);
+    step_done()?;
+    let mut owners = surface.spread(&mut samples, count);
+    let mut centres = vec![Sample::default(); count];
+    recentre(&surface, &samples, &owners, &mut centres);
+    step_done()?;
     for _ in 0..STEPS {
-        interrupt::check()?;
-        let owners = Centres::new(&select(&points, &chosen)).owners(&points);
-        chosen = recentre(&points, &chosen, &owners);
+        Centres::new(&surface, &centres).assign(&surface, &samples, &mut owners);
+        recentre(&surface, &samples, &owners, &mut centres);
+        step_done()?;
     }
-
-    // Corners matter where they can stick out between samples; a mesh finer than that has none to speak of.
-    if elements.len() <= points.len() {
-        points.extend(elements.iter().flat_map(|e| e.corners().map(move |corner| (corner, e.side))));
-    }
-    let surfels = select(&points, &chosen);
-    let element = |c: u32| &elements[samples[c as usize].element as usize];
-    let normals: Vec<Vec3> =
-        chosen.iter().map(|&c| element(c).normal_at(scene, points[c as usize].0)).collect();
-    let centres = Centres::new(&surfels);
-    let owners = centres.owners(&points);
-    // A mesh finer than its surfels is known well enough by its corners; curved elements are never fewer than surfels.
-    let cut_by = if elements.len() <= chosen.len() { elements.as_slice() } else { &[] };
-    let measure = Measure {
-        points: &points,
-        counted: samples.len(),
-        owners: &owners,
-        area: patch.area,
-        shape,
-        elements: cut_by,
-    };
-    let shares = measure.shares(&surfels, &normals, &centres);
-    let covered = (0..chosen.len())
-        .filter(|&i| shares[i].fraction > 0.0)
-        .map(|i| Surfel {
-            position: surfels[i].0,
-            normal: normals[i],
-            radius: shares[i].radius,
-            area: (f64::from(shares[i].fraction) * patch.area) as f32,
-            primitive: element(chosen[i]).primitive,
-        })
-        .collect();
-    Ok(covered)
+    let surfels = measure(&surface, samples, owners, &centres, shape);
+    step_done()?;
+    Ok(surfels)
 }
 
-fn select(points: &[(Vec3, Vec3)], chosen: &[u32]) -> Vec<(Vec3, Vec3)> {
-    chosen.iter().map(|&c| points[c as usize]).collect()
+/// The surfels at the centres. `owners` are guesses.
+fn measure(
+    surface: &Surface,
+    mut samples: Vec<Sample>,
+    mut owners: Vec<u32>,
+    centres: &[Sample],
+    shape: SurfelShape,
+) -> Vec<Surfel> {
+    let (elements, counted) = (surface.elements, samples.len());
+    let queries = Centres::new(surface, centres);
+    queries.assign(surface, &samples, &mut owners);
+    // A mesh finer than its surfels is known well enough by its corners, and one finer than the samples by these.
+    let cut_by_elements = elements.len() <= centres.len() && elements.iter().all(Element::is_flat);
+    if !cut_by_elements && elements.len() <= counted {
+        let corners = elements
+            .iter()
+            .zip(0..)
+            .flat_map(|(e, element)| e.corners().map(move |position| Sample { position, element }));
+        samples.extend(corners);
+        owners.par_extend(samples[counted..].par_iter().map(|corner| queries.owner(surface, corner)));
+    }
+    let places: Vec<Place> = centres.iter().map(|centre| surface.place(centre)).collect();
+    let measure = Measure::new(surface, shape, &places, &samples, counted, &owners);
+    drop((samples, owners));
+    let shares = measure.shares(&places, &queries, cut_by_elements);
+    (0..centres.len())
+        .filter(|&i| shares[i].fraction > 0.0)
+        .map(|i| Surfel {
+            position: places[i].position,
+            normal: places[i].frame.normal,
+            radius: shares[i].radius,
+            area: (f64::from(shares[i].fraction) * surface.area) as f32,
+            primitive: elements[centres[i].element as usize].primitive,
+        })
+        .collect()
 }
 
 fn assemble(scene: &Scene, closed: &ClosedTest, shape: SurfelShape, parts: &[Vec<Surfel>]) -> SurfelCloud {

@@ -90,7 +90,8 @@ fn resample<T: Send>(
     let of_chart = |chart| {
         let mut guess = 0;
         let (surfels, value) = (&surfels, &value);
-        spots(scene, &charts, chart).map(move |spot| value(surfels, &spot, &mut guess))
+        let spacing = shares[charts.primitive(chart).0 as usize].sqrt();
+        spots(scene, &charts, chart, spacing).map(move |spot| value(surfels, &spot, &mut guess))
     };
     let samples = (0..charts.as_slice().len()).into_par_iter().flat_map_iter(of_chart).collect();
     (charts, samples)
@@ -109,13 +110,18 @@ fn shares(scene: &Scene, cloud: &SurfelCloud) -> Vec<f32> {
 }
 
 /// The samples of a chart, the front's before the back's.
-fn spots<'a>(scene: &'a Scene, charts: &'a Charts, index: usize) -> impl Iterator<Item = Spot> + 'a {
+fn spots<'a>(
+    scene: &'a Scene,
+    charts: &'a Charts,
+    index: usize,
+    spacing: f32,
+) -> impl Iterator<Item = Spot> + 'a {
     let chart = &charts.as_slice()[index];
     let material = scene.primitive_material(charts.primitive(index).0);
     let sides: &[f32] = if chart.two_sided { &[1.0, -1.0] } else { &[1.0] };
     sides.iter().flat_map(|&side| (0..chart.samples()).map(move |i| (side, i))).map(move |(side, i)| {
         let (position, normal) = charts.sample(scene, index, i);
-        Spot { position, normal: normal * side, material }
+        Spot { position, normal: normal * side, material, spacing }
     })
 }
 
@@ -123,6 +129,8 @@ fn spots<'a>(scene: &'a Scene, charts: &'a Charts, index: usize) -> impl Iterato
 mod tests {
     use super::*;
     use crate::math::Rng;
+    use crate::progress::Reporter;
+    use crate::scene::topology::Edges;
     use crate::scene::{Material, SceneDescription, Shape};
     use crate::surfel::cloud::SurfelShape;
     use crate::surfel::generate::{Density, GenerateSettings, generate};
@@ -139,7 +147,14 @@ mod tests {
     fn lookup(accel: &Accel, surfels: u64, light: impl Fn(Vec3, Vec3) -> Vec3) -> RadianceLookup {
         let settings =
             GenerateSettings { density: Density::Count(surfels), shape: SurfelShape::Disc, seed: 1 };
-        let mut cloud = generate(accel.scene(), &ClosedTest::none(), &settings).expect("a cloud");
+        let mut cloud = generate(
+            accel.scene(),
+            &Edges::new(&accel.scene().triangles),
+            &ClosedTest::none(),
+            &settings,
+            &Reporter::default(),
+        )
+        .expect("a cloud");
         for i in 0..cloud.len() {
             cloud.radiance[i] = light(cloud.position[i], cloud.normal[i]);
             if accel.scene().has_two_sided() {
@@ -235,7 +250,14 @@ mod tests {
     fn surfaces_without_surfels_of_their_own_are_lit_like_what_is_near() {
         let accel = accel(vec![quad(0.0, 1.0), quad(0.3, 1.0)], false);
         let settings = GenerateSettings { density: Density::Count(400), shape: SurfelShape::Disc, seed: 1 };
-        let mut cloud = generate(accel.scene(), &ClosedTest::none(), &settings).expect("a cloud");
+        let mut cloud = generate(
+            accel.scene(),
+            &Edges::new(&accel.scene().triangles),
+            &ClosedTest::none(),
+            &settings,
+            &Reporter::default(),
+        )
+        .expect("a cloud");
         cloud.radiance.fill(Vec3::ONE);
         // Only the first sheet's surfels.
         let half = cloud.primitive.iter().filter(|&&p| p < 2).count();

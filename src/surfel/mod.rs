@@ -1,11 +1,11 @@
 //! Surfels: the directly lit surfaces as a cloud of small discs (or the thesis's triangles).
 
+mod centres;
 pub mod chart;
 pub mod closed;
 pub mod cloud;
 pub mod drawable;
 mod element;
-mod eliminate;
 pub mod file;
 pub mod generate;
 pub mod hidden;
@@ -13,10 +13,11 @@ mod kdtree;
 pub mod lookup;
 mod patch;
 pub mod ply;
+mod polygon;
 mod reconstruct;
 mod sample;
 pub mod shade;
 mod share;
-mod topology;
+mod spread;
 pub mod transfer;
 pub mod tree;

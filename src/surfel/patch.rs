@@ -4,8 +4,8 @@
 //! and the material stays the same, so that surfels are spread across a mesh and not triangle by triangle.
 
 use super::element::{self, Element};
-use super::topology::{EdgeUse, Edges, Sets};
 use crate::scene::Scene;
+use crate::scene::topology::{EdgeUse, Edges, Sets};
 use glam::Vec3;
 
 /// Cosine of the sharpest bend within a patch: 45 degrees.
@@ -25,8 +25,6 @@ pub struct Patch {
     pub members: Members,
     /// Its area, scene units squared.
     pub area: f64,
-    /// An estimate of its outline's length: twice the length of a strip, however thin.
-    pub outline: f32,
     /// Fewest surfels that leave no side of it bare.
     pub minimum: u64,
 }
@@ -44,9 +42,9 @@ pub enum Members {
 
 /// The patches of a scene. `spacing` is the distance between surfels that is aimed at; without one, every triangle is a
 /// patch of its own.
-pub fn patches(scene: &Scene, spacing: Option<f32>) -> Vec<Patch> {
+pub fn patches(scene: &Scene, edges: &Edges, spacing: Option<f32>) -> Vec<Patch> {
     let mut all = match spacing {
-        Some(spacing) => Triangles::new(scene).patches(spacing),
+        Some(spacing) => Triangles::new(scene).patches(edges, spacing),
         None => (0..scene.triangles.len()).map(|i| single(scene, i)).collect(),
     };
     all.extend((0..scene.spheres.len()).map(|i| sphere(scene, i)));
@@ -56,53 +54,41 @@ pub fn patches(scene: &Scene, spacing: Option<f32>) -> Vec<Patch> {
 }
 
 impl Patch {
-    /// Its parts, each easy to sample. Curved parts are cut into about `samples` pieces.
-    pub fn elements(&self, scene: &Scene, samples: usize) -> Vec<Element> {
+    /// Its parts, each easy to sample. Curved parts are cut into about `pieces`.
+    pub fn elements(&self, scene: &Scene, pieces: usize) -> Vec<Element> {
         match &self.members {
             Members::Triangles(list) => {
                 list.iter().flat_map(|&(t, m)| Element::triangle(scene, t, m)).collect()
             }
-            Members::Sphere(i) => element::sphere(scene, *i, samples),
+            Members::Sphere(i) => element::sphere(scene, *i, pieces),
             Members::Face(i, face) => vec![Element::face(scene, *i, *face)],
         }
     }
 }
 
 fn single(scene: &Scene, i: usize) -> Patch {
-    let [a, b, c] = scene.triangles[i];
     Patch {
         area: element::triangle_area(&scene.triangles[i]),
         members: Members::Triangles(vec![(i as u32, false)]),
-        outline: a.distance(b) + b.distance(c) + c.distance(a),
         minimum: 1,
     }
 }
 
 fn sphere(scene: &Scene, i: usize) -> Patch {
-    let m = scene.spheres[i].to_scene.matrix3;
-    let longest = m.x_axis.length().max(m.y_axis.length()).max(m.z_axis.length());
     Patch {
         members: Members::Sphere(i),
         area: element::sphere_area(&scene.spheres[i]),
-        outline: 4.0 * longest,
         minimum: ALL_ROUND as u64,
     }
 }
 
 fn face(scene: &Scene, i: usize, face: usize) -> Patch {
-    let [_, across, along] = element::face_axes(&scene.cuboids[i], face);
-    Patch {
-        members: Members::Face(i, face),
-        area: f64::from(Element::face(scene, i, face).area),
-        outline: 4.0 * (across.length() + along.length()),
-        minimum: 1,
-    }
+    Patch { members: Members::Face(i, face), area: f64::from(Element::face(scene, i, face).area), minimum: 1 }
 }
 
 /// The triangles of a scene while they are being grouped.
 struct Triangles<'a> {
     scene: &'a Scene,
-    edges: Edges,
     normals: Vec<Vec3>,
     sets: Sets,
 }
@@ -111,23 +97,19 @@ impl<'a> Triangles<'a> {
     fn new(scene: &'a Scene) -> Self {
         Self {
             scene,
-            edges: Edges::new(&scene.triangles),
             normals: scene.triangles.iter().map(element::triangle_normal).collect(),
             sets: Sets::new(scene.triangles.len()),
         }
     }
 
-    fn patches(mut self, spacing: f32) -> Vec<Patch> {
-        let edges = std::mem::take(&mut self.edges);
+    fn patches(mut self, edges: &Edges, spacing: f32) -> Vec<Patch> {
         for pair in edges.iter().flat_map(|uses| uses.windows(2)) {
             if self.bend(pair).is_some_and(|cosine| cosine >= SMOOTH) {
                 self.join(pair);
             }
         }
-        self.absorb_small(&edges, f64::from(spacing).powi(2));
-        let mut patches = self.collect();
-        self.measure_outlines(&edges, &mut patches);
-        patches.into_iter().flatten().collect()
+        self.absorb_small(edges, f64::from(spacing).powi(2));
+        self.collect()
     }
 
     /// Cosine of the angle between two triangles at their common edge; `None` where they cannot be one surface.
@@ -168,59 +150,30 @@ impl<'a> Triangles<'a> {
         }
     }
 
-    /// One entry a triangle: a patch where the triangle is the first of one.
-    fn collect(&mut self) -> Vec<Option<Patch>> {
+    /// The sets as patches, in the order of their first triangles.
+    fn collect(mut self) -> Vec<Patch> {
         let mut members: Vec<Vec<(u32, bool)>> = vec![Vec::new(); self.normals.len()];
         for i in 0..self.normals.len() as u32 {
             let (root, mirrored) = self.sets.find(i);
             members[root as usize].push((i, mirrored));
         }
-        members.into_iter().map(|list| (!list.is_empty()).then(|| self.patch(list))).collect()
+        members.into_iter().filter(|list| !list.is_empty()).map(|list| self.patch(list)).collect()
     }
 
     fn patch(&self, list: Vec<(u32, bool)>) -> Patch {
         let (mut area, mut facing) = (0.0, glam::DVec3::ZERO);
-        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for &(i, mirrored) in &list {
             let corners = &self.scene.triangles[i as usize];
             let own = element::triangle_area(corners);
             let side = self.normals[i as usize] * if mirrored { -1.0 } else { 1.0 };
             area += own;
             facing += side.as_dvec3() * own;
-            low = corners.iter().fold(low, |low, &p| low.min(p));
-            high = corners.iter().fold(high, |high, &p| high.max(p));
         }
         let spread = 1.0 - (facing.length() / area) as f32;
         Patch {
             members: Members::Triangles(list),
             area,
-            outline: 2.0 * (high - low).length(),
             minimum: 1 + ((ALL_ROUND - 1.0) * spread).round() as u64,
         }
-    }
-
-    /// Measures the edges at which a patch ends. Strips that turn corners have more outline than their bounding boxes tell.
-    fn measure_outlines(&mut self, edges: &Edges, patches: &mut [Option<Patch>]) {
-        let mut outlines = vec![0.0; patches.len()];
-        for edge in edges.iter().filter(|uses| uses.len() == 1).flatten() {
-            outlines[self.sets.find(edge.triangle).0 as usize] += self.length(edge);
-        }
-        for pair in edges.iter().flat_map(|uses| uses.windows(2)) {
-            let roots = [0, 1].map(|i| self.sets.find(pair[i].triangle).0 as usize);
-            if roots[0] != roots[1] {
-                roots.iter().for_each(|&root| outlines[root] += self.length(&pair[0]));
-            }
-        }
-        for (patch, outline) in patches.iter_mut().zip(outlines) {
-            if let Some(patch) = patch {
-                patch.outline = patch.outline.max(outline);
-            }
-        }
-    }
-
-    fn length(&self, edge: &EdgeUse) -> f32 {
-        let corners = self.scene.triangles[edge.triangle as usize];
-        let from = usize::from(edge.side);
-        corners[from].distance(corners[(from + 1) % 3])
     }
 }

@@ -11,7 +11,13 @@ use crate::math::Frame;
 use glam::{Vec2, Vec3};
 
 /// Reach of the fit, in spacings of the surfels.
-const REACH: f32 = 2.0;
+const REACH: f32 = 1.6;
+
+/// The same where fewer than [`FEWEST`] are found: at corners.
+const WIDE_REACH: f32 = 2.4;
+
+/// Surfels that have a slope.
+const FEWEST: u32 = 5;
 
 /// Cosine of the largest angle between the normals of surfels that are fitted together: 45 degrees.
 const SMOOTH: f32 = 0.7;
@@ -39,6 +45,8 @@ pub struct Spot {
     pub normal: Vec3,
     /// Material index.
     pub material: u32,
+    /// Distance between the surfels around, scene units.
+    pub spacing: f32,
 }
 
 impl<'a> Reconstruction<'a> {
@@ -54,10 +62,15 @@ impl<'a> Reconstruction<'a> {
     /// Radiance that a side of the surface sends, W sr-1 m-2; black only if the cloud is empty, or black itself. `guess`
     /// holds the place of a surfel that may be near, and is given that of the nearest.
     pub fn radiance(&self, spot: &Spot, guess: &mut usize) -> Vec3 {
+        let sheets = SHEETS * spot.spacing;
+        let fit = self.fit(spot, REACH * spot.spacing, sheets, FEWEST);
+        if let Some(fit) = fit.or_else(|| self.fit(spot, WIDE_REACH * spot.spacing, sheets, FEWEST)) {
+            return fit;
+        }
         let Some(nearest) = self.nearest(spot, guess) else { return Vec3::ZERO };
         let spacing = self.cloud.area[nearest].sqrt();
-        let reach = REACH * spacing.max(self.cloud.position[nearest].distance(spot.position));
-        let fit = self.fit(spot, reach, SHEETS * spacing);
+        let reach = WIDE_REACH * spacing.max(self.cloud.position[nearest].distance(spot.position));
+        let fit = self.fit(spot, reach, SHEETS * spacing, 1);
         fit.unwrap_or_else(|| self.light(self.side(nearest, spot.normal)))
     }
 
@@ -95,7 +108,8 @@ impl<'a> Reconstruction<'a> {
         if self.cloud.flags[i] & FLAG_TWO_SIDED != 0 { cosine.abs() } else { cosine }
     }
 
-    fn fit(&self, spot: &Spot, reach: f32, sheets: f32) -> Option<Vec3> {
+    /// The fit to the surfels within `reach`, if they are not fewer than `fewest`.
+    fn fit(&self, spot: &Spot, reach: f32, sheets: f32, fewest: u32) -> Option<Vec3> {
         let frame = Frame::from_normal(spot.normal);
         let mut sums = Sums::default();
         self.tree.within(spot.position, reach, |slot, squared| {
@@ -116,13 +130,14 @@ impl<'a> Reconstruction<'a> {
             let at = Vec2::new(frame.tangent.dot(offset), frame.bitangent.dot(offset));
             sums.add(weight, at, self.light(side));
         });
-        sums.solve(RIDGE * reach * reach)
+        if sums.count < fewest { None } else { sums.solve(RIDGE * reach * reach) }
     }
 }
 
 /// Weighted sums of positions in the tangent plane and of radiance.
 #[derive(Default)]
 struct Sums {
+    count: u32,
     weight: f32,
     at: Vec2,
     /// xx, xy, yy.
@@ -135,6 +150,7 @@ struct Sums {
 
 impl Sums {
     fn add(&mut self, weight: f32, at: Vec2, radiance: Vec3) {
+        self.count += 1;
         self.weight += weight;
         self.at += weight * at;
         self.squares += weight * Vec3::new(at.x * at.x, at.x * at.y, at.y * at.y);

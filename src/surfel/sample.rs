@@ -6,7 +6,7 @@ use crate::scene::Scene;
 use glam::{Vec2, Vec3};
 
 /// A point of a patch.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Sample {
     /// Position, scene space.
     pub position: Vec3,

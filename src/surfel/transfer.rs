@@ -21,6 +21,9 @@ use rayon::prelude::*;
 /// The largest matrix that is kept, bytes.
 const MEMORY_LIMIT: usize = 8 << 30;
 
+/// The form factors of one receiver to sides, as (side, form factor), and the one to the background.
+pub type Row = (Vec<(u32, f32)>, f32);
+
 /// Form factors from surfels to the sides of drawables. Side `2 i` is the front of drawable `i`, `2 i + 1` its back.
 pub struct Transfer {
     /// One row a gathering side: (side seen, form factor), sorted by side.
@@ -55,7 +58,7 @@ impl Transfer {
             };
             let receivers = &gathered.batch.receivers;
             let row = |i: usize| row(drawables, &convolver, &atlas, i, &receivers[i]);
-            let rows: Vec<(Vec<(u32, f32)>, f32)> =
+            let rows: Vec<Row> =
                 run.clock.time(Stage::Convolve, || (0..receivers.len()).into_par_iter().map(row).collect());
             bytes += rows.iter().map(|(row, _)| size_of_val(row.as_slice())).sum::<usize>();
             if bytes > MEMORY_LIMIT {
@@ -73,7 +76,7 @@ impl Transfer {
     }
 
     /// Form factors found in any other way: for each of `sides` those to other sides, in any order, and to the background.
-    pub fn from_rows(sides: Vec<u32>, rows: Vec<(Vec<(u32, f32)>, f32)>) -> Self {
+    pub fn from_rows(sides: Vec<u32>, rows: Vec<Row>) -> Self {
         let (rows, background): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
         Self { rows: rows.into_par_iter().map(merge).collect(), background, sides }
     }
@@ -148,13 +151,7 @@ pub fn side_frame(cloud: &SurfelCloud, side: u32) -> (Vec3, Vec3) {
 }
 
 /// The form factors of one hemicube, and that of the background.
-fn row(
-    drawables: &Drawables,
-    convolver: &Convolver,
-    atlas: &IdAtlas,
-    i: usize,
-    receiver: &Receiver,
-) -> (Vec<(u32, f32)>, f32) {
+fn row(drawables: &Drawables, convolver: &Convolver, atlas: &IdAtlas, i: usize, receiver: &Receiver) -> Row {
     let mut entries = Vec::new();
     let mut background = 0.0;
     convolver.for_each_row(atlas, i, |ids, weights| {

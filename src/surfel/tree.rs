@@ -6,9 +6,10 @@
 use super::cloud::{FLAG_CULL_BACK, Splat, SurfelCloud, SurfelShape};
 use crate::accel::{ClusterNode, cluster};
 use crate::hemicube::frame::Receiver;
-use crate::lanes::{self, F32x8, LANES, LaneTask, Mask8, dot, vector};
+use crate::lanes::{self, F32x8, LANES, LaneTask, Mask8, dot, sub, vector};
+use bytemuck::Zeroable;
 use glam::Vec3;
-use std::f32::consts::PI;
+use std::f32::consts::{PI, SQRT_2};
 
 /// Radius of a cluster's disc over the square root of its projected area: discs on a regular pattern cover the plane from
 /// 0.71 (square) on.
@@ -16,8 +17,13 @@ const CLUSTER_RADIUS: f32 = 0.75;
 /// How far surfels are moved along their normals before clustering, in scene sizes: only like normals then stand together.
 /// Less than 1 would bring the opposite walls of a room together instead.
 const NORMAL_SPREAD: f32 = 2.0;
+/// What rises less than this above a receiver's plane is in it: more than the rounding of coordinates, scene units.
+const COPLANAR: f32 = 4e-7;
 /// Normals that differ more than this from their cluster's mean (length of the difference) are not drawn as one disc.
 const MAX_NORMAL_DEVIATION: f32 = 0.5;
+
+/// Room made for a cut in advance.
+const USUAL_CUT: usize = 512;
 
 /// A node: bounds for the cut's decisions.
 #[derive(Debug, Clone, Copy, Default)]
@@ -25,6 +31,8 @@ struct Node {
     centre: Vec3,
     /// Radius about `centre` that holds all discs below.
     bound: f32,
+    /// Greatest distance of any point of the discs below from the node's plane.
+    thickness: f32,
     normal: Vec3,
     /// Length of the mean of the unit normals below: 1 when all are alike.
     agreement: f32,
@@ -45,8 +53,6 @@ pub struct SurfelTree {
     nodes: Vec<Node>,
     /// Surface of each drawable.
     area: Vec<f32>,
-    /// What each drawable looks like: surfels first, then clusters.
-    pub splats: Vec<Splat>,
     surfels: usize,
 }
 
@@ -55,6 +61,8 @@ pub struct SurfelTree {
 pub struct ReceiverBounds {
     centre: Vec3,
     radius: f32,
+    /// Greatest distance of a receiver from the plane through `centre` across `normal`.
+    thickness: f32,
     normal: Vec3,
     deviation: f32,
     /// Whether some receiver must see culled backs.
@@ -71,6 +79,7 @@ impl ReceiverBounds {
         Self {
             centre,
             radius: greatest(&|r| r.position.distance(centre)),
+            thickness: greatest(&|r| (r.position - centre).dot(normal).abs()),
             normal,
             deviation: greatest(&|r| r.normal.distance(normal)),
             inside: receivers.iter().any(|r| r.flags != 0),
@@ -90,25 +99,20 @@ pub struct CutSettings {
 impl SurfelTree {
     /// Builds the hierarchy over a cloud of at least one surfel.
     pub fn new(cloud: &SurfelCloud) -> Self {
-        Self::weighted(cloud, cloud.area.clone())
+        Self::weighted(cloud, &cloud.area)
     }
 
     /// The same, with another surface of each surfel than its area: none for those that nobody sees, so that they neither
     /// darken nor widen clusters.
-    pub fn weighted(cloud: &SurfelCloud, area: Vec<f32>) -> Self {
-        let boxes: Vec<(Vec3, Vec3)> = (0..cloud.len())
-            .map(|i| {
-                let centre = cloud.position[i] + cloud.normal[i] * NORMAL_SPREAD;
-                (centre - cloud.radius[i], centre + cloud.radius[i])
-            })
-            .collect();
-        let shape = cluster(&boxes).nodes;
-        let mut tree = Self {
-            nodes: vec![Node::default(); shape.len()],
-            area,
-            splats: cloud.splats(),
-            surfels: cloud.len(),
-        };
+    pub fn weighted(cloud: &SurfelCloud, areas: &[f32]) -> Self {
+        let boxes = (0..cloud.len()).map(|i| {
+            let centre = cloud.position[i] + cloud.normal[i] * NORMAL_SPREAD;
+            (centre - cloud.radius[i], centre + cloud.radius[i])
+        });
+        let shape = cluster(boxes).nodes;
+        let mut area = Vec::with_capacity(shape.len());
+        area.extend_from_slice(areas);
+        let mut tree = Self { nodes: vec![Node::default(); shape.len()], area, surfels: cloud.len() };
         // Children stand behind their parents: from the back, every child is ready before its parent.
         for i in (0..shape.len()).rev() {
             tree.nodes[i] = match shape[i] {
@@ -121,7 +125,29 @@ impl SurfelTree {
 
     /// Number of drawables: surfels and clusters.
     pub fn drawables(&self) -> usize {
-        self.splats.len()
+        self.area.len()
+    }
+
+    /// About how many surfels lie among the receivers of a group that stands on a flat surface.
+    pub fn surfels_among(&self, group: &ReceiverBounds) -> f32 {
+        let whole = self.area[self.nodes[0].drawable as usize];
+        PI * group.radius * group.radius * self.surfels as f32 / whole
+    }
+
+    /// What each drawable looks like: the surfels of the cloud, then clusters.
+    pub fn splats(&self, cloud: &SurfelCloud) -> Vec<Splat> {
+        let mut splats = Vec::with_capacity(self.drawables());
+        splats.extend((0..cloud.len()).map(|i| cloud.splat(i)));
+        splats.resize(self.drawables(), Splat::zeroed());
+        for node in self.nodes.iter().filter(|node| node.child != 0) {
+            splats[node.drawable as usize] = Splat {
+                position: node.centre.to_array(),
+                radius: node.radius,
+                normal: node.normal.to_array(),
+                flags: node.flags,
+            };
+        }
+        splats
     }
 
     /// Appends to the surfels' values those of the clusters: means weighted by area.
@@ -161,21 +187,22 @@ impl SurfelTree {
         let radius = disc_radius(area * agreement, shape);
         let reach = |n: &Node| n.centre.distance(centre) + n.bound;
         let turn = |n: &Node| n.normal.distance(normal) + n.deviation;
-        let node = Node {
+        let height = |n: &Node| {
+            (n.centre - centre).dot(normal).abs() + n.thickness + n.bound * n.normal.distance(normal).min(1.0)
+        };
+        self.area.push(area);
+        Node {
             centre,
             bound: reach(&a).max(reach(&b)).max(radius),
+            thickness: height(&a).max(height(&b)),
             normal,
             agreement,
             deviation: turn(&a).max(turn(&b)),
             radius,
             child,
-            drawable: self.splats.len() as u32,
+            drawable: self.area.len() as u32 - 1,
             flags: a.flags & b.flags,
-        };
-        let flags = node.flags;
-        self.splats.push(Splat { position: centre.to_array(), radius, normal: normal.to_array(), flags });
-        self.area.push(area);
-        node
+        }
     }
 }
 
@@ -184,6 +211,7 @@ fn leaf(cloud: &SurfelCloud, surfel: u32) -> Node {
     Node {
         centre: cloud.position[i],
         bound: cloud.radius[i],
+        thickness: 0.0,
         normal: cloud.normal[i],
         agreement: 1.0,
         deviation: 0.0,
@@ -216,14 +244,14 @@ impl LaneTask for Cutting<'_> {
     #[inline(always)]
     fn run<F: F32x8>(self) -> Self::Output {
         let groups = EightGroups::<F>::new(self.groups, self.settings);
-        let mut cuts: [Vec<u32>; LANES] = Default::default();
+        let mut cuts: [Vec<u32>; LANES] = std::array::from_fn(|_| Vec::with_capacity(USUAL_CUT));
         // Nodes to look at, and for which of the groups.
         let mut stack = vec![(0, (1u32 << self.groups.len().min(LANES)) - 1)];
         while let Some((i, asking)) = stack.pop() {
             let node = &self.tree.nodes[i as usize];
             let seeing = asking & !groups.cannot_see(node);
             let drawing = if node.child == 0 { seeing } else { seeing & groups.may_draw(node) };
-            for_each_bit(drawing, |lane| cuts[lane].push(node.drawable));
+            push(&mut cuts, drawing, node.drawable);
             if seeing != drawing {
                 // The first child is taken first, so that a cut keeps the tree's order.
                 stack.push((node.child + 1, seeing & !drawing));
@@ -234,10 +262,11 @@ impl LaneTask for Cutting<'_> {
     }
 }
 
+/// Appends a drawable to the cuts whose bit is set.
 #[inline(always)]
-fn for_each_bit(mut bits: u32, mut f: impl FnMut(usize)) {
+fn push(cuts: &mut [Vec<u32>; LANES], mut bits: u32, drawable: u32) {
     while bits != 0 {
-        f(bits.trailing_zeros() as usize % LANES);
+        cuts[bits.trailing_zeros() as usize % LANES].push(drawable);
         bits &= bits - 1;
     }
 }
@@ -246,8 +275,11 @@ fn for_each_bit(mut bits: u32, mut f: impl FnMut(usize)) {
 struct EightGroups<F> {
     centre: [F; 3],
     radius: F,
+    thickness: F,
     normal: [F; 3],
     deviation: F,
+    /// What is lower than this over its distance from a receiver lies below all pixels.
+    grazing: F,
     /// Groups for which nothing may be culled from behind, one bit each.
     inside: u32,
     /// A node may be drawn as one disc when its radius over its distance is below this.
@@ -257,36 +289,55 @@ struct EightGroups<F> {
 impl<F: F32x8> EightGroups<F> {
     #[inline(always)]
     fn new(groups: &[ReceiverBounds], settings: &CutSettings) -> Self {
-        let lanes = |f: &dyn Fn(&ReceiverBounds) -> f32| {
-            F::load(&std::array::from_fn(|i| groups.get(i).map_or(0.0, f)))
-        };
-        let inside = groups.iter().take(LANES).enumerate().map(|(i, group)| u32::from(group.inside) << i);
+        // Lanes without a group are never asked for.
+        let mut lanes = [[0.0; LANES]; 9];
+        let mut inside = 0;
+        for (i, group) in groups.iter().take(LANES).enumerate() {
+            let (c, n) = (group.centre, group.normal);
+            let values = [c.x, c.y, c.z, n.x, n.y, n.z, group.radius, group.deviation, group.thickness];
+            lanes.iter_mut().zip(values).for_each(|(lane, value)| lane[i] = value);
+            inside |= u32::from(group.inside) << i;
+        }
         Self {
-            centre: std::array::from_fn(|k| lanes(&|group| group.centre[k])),
-            radius: lanes(&|group| group.radius),
-            normal: std::array::from_fn(|k| lanes(&|group| group.normal[k])),
-            deviation: lanes(&|group| group.deviation),
-            inside: inside.sum(),
+            centre: [F::load(&lanes[0]), F::load(&lanes[1]), F::load(&lanes[2])],
+            normal: [F::load(&lanes[3]), F::load(&lanes[4]), F::load(&lanes[5])],
+            radius: F::load(&lanes[6]),
+            deviation: F::load(&lanes[7]),
+            thickness: F::load(&lanes[8]),
+            // The lowest rays go through the middles of the lowest pixels, those in the corners by this much above the
+            // horizon: height / horizontal distance = (1 / resolution) / sqrt 2 = t, and t / (1 + t) <= height / distance.
+            grazing: F::splat(1.0 / (1.0 + SQRT_2 * settings.resolution as f32)),
+            inside,
             // A cluster of radius r at distance d spans 2 r / d of a face that is 2 wide and `resolution` pixels across.
             limit: F::splat(settings.lod / settings.resolution as f32),
         }
     }
 
-    /// Groups of which no receiver can see anything of the node: it is below all horizons, or shows only culled backs.
+    /// Groups of which no receiver can see anything of the node: it is below the pixels of all, or shows only culled backs.
     #[inline(always)]
     fn cannot_see(&self, node: &Node) -> u32 {
-        let (zero, one) = (F::splat(0.0), F::splat(1.0));
         let to_node = self.to(node);
         let distance = dot(to_node, to_node).sqrt();
-        let reach = F::splat(node.bound) + self.radius;
-        let height = dot(to_node, self.normal) + distance * self.deviation + reach * (one + self.deviation);
-        let below = zero.gt(height).bits();
+        let (bound, thickness) = (F::splat(node.bound), F::splat(node.thickness));
+        // At least the sine of the angle between the normals; exact to rounding where they are alike.
+        let across = sub(vector(node.normal), self.normal);
+        let chord_squared = dot(across, across);
+        let sine =
+            chord_squared.min(F::splat(4.0) - chord_squared).max(F::splat(0.0)).sqrt().min(F::splat(1.0));
+        let reach = distance + bound + self.radius;
+        let top =
+            dot(to_node, self.normal) + thickness + self.thickness + bound * sine + reach * self.deviation;
+        let nearest = distance - bound - self.radius;
+        let below = (nearest * self.grazing).max(F::splat(COPLANAR)).gt(top).bits();
         if node.flags & FLAG_CULL_BACK == 0 {
             return below;
         }
-        let deviation = F::splat(node.deviation);
-        let behind = dot(to_node, vector(node.normal)) - distance * deviation - reach * (one + deviation);
-        below | behind.gt(zero).bits() & !self.inside
+        let lowest = dot(to_node, vector(node.normal))
+            - thickness
+            - self.thickness
+            - self.radius * sine
+            - reach * F::splat(node.deviation);
+        below | lowest.gt(F::splat(0.0)).bits() & !self.inside
     }
 
     /// Groups for every receiver of which the node may be drawn as one disc.
@@ -303,7 +354,55 @@ impl<F: F32x8> EightGroups<F> {
 
     #[inline(always)]
     fn to(&self, node: &Node) -> [F; 3] {
-        let centre: [F; 3] = vector(node.centre);
-        std::array::from_fn(|k| centre[k] - self.centre[k])
+        sub(vector(node.centre), self.centre)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lanes::Portable;
+    use crate::math::{Rng, uniform_sphere};
+
+    #[test]
+    fn cuts_do_not_depend_on_company_or_processor() {
+        let tree = SurfelTree::new(&sphere(3000));
+        let mut rng = Rng::new(3, 0);
+        let mut group = |_| {
+            let receiver = Receiver {
+                position: uniform_sphere(rng.unit2()) * 0.5,
+                normal: uniform_sphere(rng.unit2()),
+                seed: 0,
+                flags: rng.next_u32() % 2,
+            };
+            ReceiverBounds::new(&[receiver])
+        };
+        let settings = CutSettings { lod: 2.0, resolution: 8 };
+        for count in [1, 3, LANES] {
+            let groups: Vec<_> = (0..count).map(&mut group).collect();
+            let together = tree.cuts(&groups, &settings);
+            let task = Cutting { tree: &tree, groups: &groups, settings: &settings };
+            assert_eq!(task.run::<Portable>(), together, "{count} groups");
+            for (group, cut) in groups.iter().zip(&together) {
+                assert!(!cut.is_empty() && cut.len() < 3000, "{} drawables", cut.len());
+                assert_eq!(tree.cuts(&[*group], &settings)[0], *cut);
+            }
+            assert!(together[count..].iter().all(Vec::is_empty));
+        }
+    }
+
+    /// Surfels that look inwards from the unit sphere.
+    fn sphere(count: usize) -> SurfelCloud {
+        let mut rng = Rng::new(5, 0);
+        let normal: Vec<Vec3> = (0..count).map(|_| uniform_sphere(rng.unit2())).collect();
+        let area = 4.0 * PI / count as f32;
+        SurfelCloud {
+            position: normal.iter().map(|&n| -n).collect(),
+            normal,
+            radius: vec![0.8 * area.sqrt(); count],
+            area: vec![area; count],
+            flags: (0..count as u32).map(|i| i % 4).collect(),
+            ..SurfelCloud::default()
+        }
     }
 }

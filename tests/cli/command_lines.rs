@@ -5,7 +5,11 @@ use serde_json::Value;
 use std::process::Stdio;
 use std::time::Duration;
 
-/// The words of a case, placeholders filled in. Small settings come first, so that the case's own options win.
+/// Work for minutes on any machine, so that an interrupt finds it under way.
+const LONG: [&str; 4] = ["--gather", "monte-carlo", "--gather-samples", "100000"];
+
+/// The words of a case, placeholders filled in, and small settings where the case has none of its own; long ones where it
+/// is interrupted.
 fn words(case: &Value, folder: &Folder) -> Vec<String> {
     let fill = |word: &Value| {
         let word = word.as_str().unwrap();
@@ -14,7 +18,8 @@ fn words(case: &Value, folder: &Folder) -> Vec<String> {
     let mut words: Vec<String> = case["args"].as_array().unwrap().iter().map(fill).collect();
     if words.first().is_some_and(|word| word == "render") {
         let given = words.clone();
-        let own = SMALL.chunks(2).filter(|option| !given.iter().any(|word| word.starts_with(option[0])));
+        let settings = if case["interrupt_after_ms"].is_null() { &SMALL[..] } else { &LONG[..] };
+        let own = settings.chunks(2).filter(|option| !given.iter().any(|word| word.starts_with(option[0])));
         words.extend(own.flatten().map(ToString::to_string));
     }
     words

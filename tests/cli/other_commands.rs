@@ -70,7 +70,7 @@ fn verbose_runs_say_how_the_work_is_done() {
     let picture = folder.path("a.png");
     let words = [&["render", &cornell, "-v", "-o", &picture, "--bounces", "2"], &SMALL[..]].concat();
     let said = surflux(&words).expect(0).stderr;
-    for word in ["features: triangles", "area lights", "surfels", "8 x 8", "bounced", "hemicubes a batch"] {
+    for word in ["features: triangles", "area lights", "surfels", "8 x 8", "bounced", "gathers a batch"] {
         assert!(said.contains(word), "{word}: {said}");
     }
 }

@@ -49,6 +49,11 @@ fn by_monte_carlo() {
 }
 
 #[test]
+fn by_tracing() {
+    check("cpu", &[], &["--gather", "traced", "--bounces", "inf"]);
+}
+
+#[test]
 fn on_lavapipe() {
     if lavapipe() {
         check("lavapipe", &[], &["--bounces", "2"]);

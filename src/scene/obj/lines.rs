@@ -8,8 +8,15 @@ use std::path::Path;
 pub(super) struct Word<'a> {
     pub text: &'a str,
     pub line: u32,
+    /// What stands before it in its line.
+    before: &'a str,
+}
+
+impl Word<'_> {
     /// In characters, from 1.
-    pub column: u32,
+    pub fn column(&self) -> u32 {
+        self.before.chars().count() as u32 + 1
+    }
 }
 
 /// A statement: a line with the lines that continue it.
@@ -32,21 +39,18 @@ impl<'a> Statements<'a> {
         Self { path, rest: text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text), line: 0 }
     }
 
-    /// The next statement that is not blank.
-    pub fn next(&mut self) -> Result<Option<Statement<'a>>> {
-        while !self.rest.is_empty() {
-            let mut statement = Statement::default();
-            while self.line_continues(&mut statement)? {}
-            if !statement.words.is_empty() {
-                return Ok(Some(statement));
-            }
+    /// Reads the next statement that is not blank; tells whether there was one.
+    pub fn next(&mut self, statement: &mut Statement<'a>) -> Result<bool> {
+        statement.words.clear();
+        while statement.words.is_empty() && !self.rest.is_empty() {
+            while self.line_continues(statement)? {}
         }
-        Ok(None)
+        Ok(!statement.words.is_empty())
     }
 
     /// An error at a word.
     pub fn error(&self, word: &Word, message: impl Into<String>) -> Error {
-        Error::at(self.path, word.line, word.column, message)
+        Error::at(self.path, word.line, word.column(), message)
     }
 
     /// Adds a line's words; tells whether the statement goes on in the next line.
@@ -59,13 +63,9 @@ impl<'a> Statements<'a> {
         self.line += 1;
         statement.at_end = at_end;
         let line = line.strip_suffix(b"\r").unwrap_or(line);
-        if let Some(nul) = line.iter().position(|&c| c == 0) {
-            return Err(Error::at(
-                self.path,
-                self.line,
-                nul as u32 + 1,
-                "a NUL byte: is this a binary file?",
-            ));
+        if line.contains(&0) {
+            let column = line.iter().take_while(|&&c| c != 0).count() as u32 + 1;
+            return Err(Error::at(self.path, self.line, column, "a NUL byte: is this a binary file?"));
         }
         let continued = line.strip_suffix(b"\\");
         self.split(continued.unwrap_or(line), &mut statement.words)?;
@@ -81,14 +81,14 @@ impl<'a> Statements<'a> {
     /// The words of a line up to a comment, in which any bytes may stand.
     fn split(&self, line: &'a [u8], words: &mut Vec<Word<'a>>) -> Result<()> {
         let begins_comment = |&i: &usize| line[i] == b'#' && (i == 0 || line[i - 1].is_ascii_whitespace());
-        let end = (0..line.len()).find(begins_comment).unwrap_or(line.len());
+        let comment = line.contains(&b'#').then(|| (0..line.len()).find(begins_comment)).flatten();
+        let end = comment.unwrap_or(line.len());
         let text = std::str::from_utf8(&line[..end]).map_err(|e| {
             Error::at(self.path, self.line, e.valid_up_to() as u32 + 1, "the text is not UTF-8")
         })?;
         for word in text.split_ascii_whitespace() {
             let start = word.as_ptr() as usize - text.as_ptr() as usize;
-            let column = text[..start].chars().count() as u32 + 1;
-            words.push(Word { text: word, line: self.line, column });
+            words.push(Word { text: word, line: self.line, before: &text[..start] });
         }
         Ok(())
     }
@@ -117,8 +117,9 @@ mod tests {
     fn places(text: &[u8]) -> Result<Vec<(u32, u32)>> {
         let mut statements = Statements::new(Path::new("a.obj"), text);
         let mut all = Vec::new();
-        while let Some(statement) = statements.next()? {
-            all.extend(statement.words.iter().map(|w| (w.line, w.column)));
+        let mut statement = Statement::default();
+        while statements.next(&mut statement)? {
+            all.extend(statement.words.iter().map(|w| (w.line, w.column())));
         }
         Ok(all)
     }

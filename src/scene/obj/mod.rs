@@ -1,4 +1,5 @@
-//! Wavefront OBJ with MTL materials, read by the `tobj` crate behind a check of its own.
+//! Wavefront OBJ with MTL materials. Geometry is read by a scan of its own, which names the place of whatever is wrong;
+//! materials by the `tobj` crate, behind a check.
 //!
 //! `Kd` is the reflectance, `Ke` the emitted radiance, `Ks` and `Ns` a Blinn-Phong highlight. Surfaces have one side: the one from
 //! which the corners run counter-clockwise, or that the normals point to.
@@ -14,8 +15,7 @@ use crate::error::{Error, Result};
 use glam::DVec3;
 use lines::Statements;
 use scan::{Library, Scan};
-use std::collections::HashSet;
-use std::io::Read;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// The scene that the text of the file `path` describes. Material libraries are read from beside it.
@@ -29,14 +29,14 @@ pub fn parse(path: &Path, text: &[u8]) -> Result<SceneDescription> {
     for library in &scan.libraries {
         libraries.read(library, &mut warnings)?;
     }
-    let (models, materials) = read(path, &scan, &libraries.plain)?;
+    let materials = libraries.materials()?;
     if libraries.complete {
         warnings.extend(unknown_materials(path, &scan, &materials));
     }
     let mut scene = SceneDescription { warnings, ..Default::default() };
     scene.materials = materials.iter().map(mtl::material).collect();
     scene.materials.push(Material::default());
-    scene.shapes = meshes(&models, scene.materials.len() as u32 - 1)
+    scene.shapes = meshes(&scan, &materials)
         .ok_or_else(|| Error::file(path, "the file has more than a billion triangles"))?
         .into_iter()
         .filter_map(MeshBuilder::build)
@@ -76,25 +76,23 @@ impl Libraries<'_> {
         Ok(())
     }
 
+    /// Lets `tobj` read the plain copies.
+    fn materials(&self) -> Result<Vec<tobj::Material>> {
+        let mut materials = Vec::new();
+        for plain in &self.plain {
+            let (more, _) = tobj::load_mtl_buf(&mut plain.as_bytes())
+                .map_err(|e| Error::file(self.path, format!("cannot read its materials: {e}")))?;
+            materials.extend(more);
+        }
+        Ok(materials)
+    }
+
     /// The files that a `mtllib` line names: one whose name has blanks, or several.
     fn files(&self, names: &str) -> Vec<PathBuf> {
         let folder = self.path.parent().unwrap_or(Path::new(""));
         let whole = folder.join(names);
         if whole.exists() { vec![whole] } else { names.split(' ').map(|name| folder.join(name)).collect() }
     }
-}
-
-/// Lets `tobj` read the plain copies.
-fn read(path: &Path, scan: &Scan, libraries: &[String]) -> Result<(Vec<tobj::Model>, Vec<tobj::Material>)> {
-    let options = tobj::LoadOptions { triangulate: true, single_index: true, ..Default::default() };
-    let library = |index: &Path| {
-        let plain = index.to_str().and_then(|i| i.parse::<usize>().ok()).and_then(|i| libraries.get(i));
-        tobj::load_mtl_buf(&mut plain.map_or(&b""[..], |p| p.as_bytes()))
-    };
-    let mut text = scan.vertices.as_bytes().chain(scan.faces.as_bytes());
-    tobj::load_obj_buf(&mut text, &options, library)
-        .and_then(|(models, materials)| Ok((models, materials?)))
-        .map_err(|e| Error::file(path, format!("cannot read the scene: {e}")))
 }
 
 /// A warning for each material that is used and that no library has.
@@ -108,23 +106,28 @@ fn unknown_materials(path: &Path, scan: &Scan, materials: &[tobj::Material]) -> 
         .collect()
 }
 
-/// A flat and a smooth mesh. `None` when there are too many triangles.
-fn meshes(models: &[tobj::Model], default_material: u32) -> Option<[MeshBuilder; 2]> {
+/// A flat and a smooth mesh. Faces without a known material have the one behind `materials`. `None` when there are too many
+/// triangles.
+fn meshes(scan: &Scan, materials: &[tobj::Material]) -> Option<[MeshBuilder; 2]> {
+    let numbers: HashMap<&str, u32> = materials.iter().map(|m| m.name.as_str()).zip(0..).collect();
     let (mut flat, mut smooth) = (MeshBuilder::default(), MeshBuilder::default());
-    for mesh in models.iter().map(|m| &m.mesh) {
-        let material = mesh.material_id.map_or(default_material, |m| m as u32);
-        let vector = |of: &[f64], i: u32| DVec3::from_slice(&of[i as usize * 3..]);
-        for corners in mesh.indices.chunks_exact(3) {
-            let corners = [corners[0], corners[1], corners[2]];
-            let positions = corners.map(|i| vector(&mesh.positions, i));
-            let normals = if mesh.normals.is_empty() {
-                None
-            } else {
-                unit_normals(corners.map(|i| vector(&mesh.normals, i)))
-            };
+    let mut uses = scan.uses.iter().peekable();
+    let (mut material, mut begin) = (materials.len() as u32, 0);
+    for &end in &scan.ends {
+        while let Some(used) = uses.next_if(|used| used.first <= begin) {
+            material = numbers.get(used.name.as_str()).copied().unwrap_or(materials.len() as u32);
+        }
+        let face = &scan.corners[begin..end];
+        for pair in face[1..].windows(2) {
+            let corners = [face[0], pair[0], pair[1]];
+            let positions = corners.map(|c| scan.positions[c.position as usize - 1]);
+            let normals = (corners[0].normal > 0)
+                .then(|| unit_normals(corners.map(|c| scan.normals[c.normal as usize - 1])))
+                .flatten();
             let target = if normals.is_some() { &mut smooth } else { &mut flat };
             target.push(positions, normals, material)?;
         }
+        begin = end;
     }
     Some([flat, smooth])
 }

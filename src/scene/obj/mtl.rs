@@ -1,6 +1,6 @@
 //! Material libraries.
 
-use super::lines::{Statements, Word, joined};
+use super::lines::{Statement, Statements, Word, joined};
 use crate::error::Result;
 use crate::scene::Material;
 use glam::Vec3;
@@ -12,7 +12,8 @@ use std::path::Path;
 pub(super) fn scan(path: &Path, text: &[u8], user: &Path, warnings: &mut Vec<String>) -> Result<String> {
     let mut statements = Statements::new(path, text);
     let mut plain = String::new();
-    while let Some(statement) = statements.next()? {
+    let mut statement = Statement::default();
+    while statements.next(&mut statement)? {
         let Some((keyword, words)) = statement.words.split_first() else { continue };
         let mut warn = |message: String| {
             let (file, line) = (path.display(), keyword.line);

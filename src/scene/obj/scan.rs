@@ -1,11 +1,8 @@
-//! The check before the reading: every statement that matters, with the place of what is wrong.
-//!
-//! `tobj` is lenient, and its errors name no line. The scan checks all numbers and indices, and writes a plain copy for `tobj`:
-//! vertices first, absolute indices, no texture coordinates, faces with and without normals apart.
+//! The geometry of a file: vertices, normals, faces, and which materials they ask for.
 
 use super::lines::{Statement, Statements, Word, joined};
 use crate::error::Result;
-use std::fmt::Write;
+use glam::DVec3;
 
 /// A material library that the file names.
 #[derive(Debug)]
@@ -15,27 +12,36 @@ pub(super) struct Library {
     pub line: u32,
 }
 
-/// A name that a face's material is asked for by.
+/// A material that faces ask for.
 #[derive(Debug)]
 pub(super) struct MaterialUse {
     pub name: String,
     pub line: u32,
+    /// The first corner, among all, of the faces that do.
+    pub first: usize,
 }
 
-/// What the scan found.
+/// A corner of a face.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Corner {
+    /// Index of its vertex, from 1.
+    pub position: u32,
+    /// Index of its normal, from 1; 0 without one. The corners of a face all have normals, or none has.
+    pub normal: u32,
+}
+
+/// What the scan found. All indices of corners are in range.
 #[derive(Debug, Default)]
 pub(super) struct Scan {
-    /// Plain `v` and `vn` lines.
-    pub vertices: String,
-    /// Plain lines of everything else; `mtllib` has the index of a library.
-    pub faces: String,
+    pub positions: Vec<DVec3>,
+    pub normals: Vec<DVec3>,
+    pub corners: Vec<Corner>,
+    /// Where each face ends among the corners.
+    pub ends: Vec<usize>,
     pub libraries: Vec<Library>,
+    /// In the order of their first corners.
     pub uses: Vec<MaterialUse>,
     pub warnings: Vec<String>,
-    positions: u64,
-    normals: u64,
-    /// Whether the faces that were last written have normals.
-    smooth: bool,
 }
 
 /// An index that no vertex stood for when it was read; one may still come.
@@ -49,11 +55,12 @@ struct Pending<'a> {
 pub(super) fn scan(statements: &mut Statements) -> Result<Scan> {
     let mut scan = Scan::default();
     let mut pending = Vec::new();
-    while let Some(statement) = statements.next()? {
+    let mut statement = Statement::default();
+    while statements.next(&mut statement)? {
         scan.statement(statements, &statement, &mut pending)?;
     }
     for Pending { word, index, normal } in pending {
-        let (count, kind) = if normal { (scan.normals, "normals") } else { (scan.positions, "vertices") };
+        let (count, kind) = scan.count(normal);
         if index > count {
             let message = format!("index {index} is out of range: the file has {count} {kind}");
             return Err(statements.error(&word, message));
@@ -77,13 +84,11 @@ impl Scan {
                 return Err(source.error(keyword, format!("`{}` without a name", keyword.text)));
             }
             "mtllib" => {
-                push_line(&mut self.faces, format_args!("mtllib {}", self.libraries.len()));
                 self.libraries.push(Library { name: joined(words), line: keyword.line });
             }
             "usemtl" => {
-                let name = joined(words);
-                push_line(&mut self.faces, format_args!("usemtl {name}"));
-                self.uses.push(MaterialUse { name, line: keyword.line });
+                let first = self.corners.len();
+                self.uses.push(MaterialUse { name: joined(words), line: keyword.line, first });
             }
             // Names, texture coordinates, lines, smoothing groups: nothing that is drawn.
             _ => {}
@@ -99,7 +104,7 @@ impl Scan {
         keyword: &Word,
         words: &[Word],
     ) -> Result<()> {
-        let (is_normal, kind) = (keyword.text == "vn", keyword.text);
+        let kind = keyword.text;
         if words.len() < 3 && statement.at_end {
             self.warnings.push(format!(
                 "{}:{}: the file ends within a line: this `{kind}` is ignored",
@@ -113,15 +118,13 @@ impl Scan {
                 source.error(keyword, format!("`{kind}` needs 3 coordinates and has {}", words.len()))
             );
         }
-        for word in words {
-            source.number(word)?;
+        let mut values = [0.0; 3];
+        for (i, word) in words.iter().enumerate() {
+            let value = source.number(word)?;
+            values.iter_mut().skip(i).take(1).for_each(|v| *v = value);
         }
-        push_line(&mut self.vertices, format_args!("{kind} {}", joined(&words[..3])));
-        if is_normal {
-            self.normals += 1;
-        } else {
-            self.positions += 1;
-        }
+        let target = if kind == "vn" { &mut self.normals } else { &mut self.positions };
+        target.push(DVec3::from_array(values));
         Ok(())
     }
 
@@ -138,7 +141,6 @@ impl Scan {
                 source.error(keyword, format!("a face needs 3 corners or more and has {}", words.len()))
             );
         }
-        let mut line = "f".to_owned();
         let smooth = words[0].text.split('/').nth(2).is_some_and(|n| !n.is_empty());
         for word in words {
             let mut parts = word.text.split('/');
@@ -149,19 +151,21 @@ impl Scan {
                     source.error(word, "the corners of a face must look alike: v, v/vt, v//vn or v/vt/vn")
                 );
             }
-            let index = self.index(source, word, position, false, pending)?;
-            line += &format!(" {index}");
-            if let Some(normal) = normal {
-                let index = self.index(source, word, normal, true, pending)?;
-                line += &format!("//{index}");
-            }
+            let position = self.index(source, word, position, false, pending)?;
+            let normal = normal.map_or(Ok(0), |n| self.index(source, word, n, true, pending))?;
+            self.corners.push(Corner { position, normal });
         }
-        if smooth != self.smooth {
-            self.smooth = smooth;
-            push_line(&mut self.faces, format_args!("g part"));
-        }
-        push_line(&mut self.faces, format_args!("{line}"));
+        self.ends.push(self.corners.len());
         Ok(())
+    }
+
+    /// How many normals, or vertices, there are.
+    fn count(&self, normals: bool) -> (u64, &'static str) {
+        if normals {
+            (self.normals.len() as u64, "normals")
+        } else {
+            (self.positions.len() as u64, "vertices")
+        }
     }
 
     /// The absolute index that a corner's part stands for.
@@ -172,8 +176,8 @@ impl Scan {
         text: &str,
         normal: bool,
         pending: &mut Vec<Pending<'a>>,
-    ) -> Result<u64> {
-        let (count, kind) = if normal { (self.normals, "normals") } else { (self.positions, "vertices") };
+    ) -> Result<u32> {
+        let (count, kind) = self.count(normal);
         let out_of_range = |text: &str| {
             source.error(
                 word,
@@ -185,7 +189,7 @@ impl Scan {
             return Err(source.error(word, format!("`{text}` is not an index")));
         }
         let index: i64 = text.parse().map_err(|_| out_of_range(text))?;
-        match index {
+        let absolute = match index {
             0 => Err(source.error(word, "index 0 is out of range: indices count from 1")),
             ..0 => count.checked_sub(index.unsigned_abs()).map(|i| i + 1).ok_or_else(|| out_of_range(text)),
             _ => {
@@ -195,11 +199,8 @@ impl Scan {
                 }
                 Ok(index)
             }
-        }
+        }?;
+        // One beyond u32 is pending and will not be found.
+        Ok(u32::try_from(absolute).unwrap_or(u32::MAX))
     }
-}
-
-fn push_line(text: &mut String, line: std::fmt::Arguments) {
-    // Writing to a string cannot fail.
-    let _ok = writeln!(text, "{line}");
 }

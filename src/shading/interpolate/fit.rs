@@ -23,8 +23,8 @@ const LEAST_WEIGHT: f32 = 1e-4;
 pub struct Fit {
     /// W m-2; `None` where no record is near.
     pub irradiance: Option<Vec3>,
-    /// Whether the point is within the reach of a record.
-    pub reached: bool,
+    /// Distance to the nearest record, in its reaches.
+    pub distance: f32,
 }
 
 /// Weighted sums over records, for eight points.
@@ -164,7 +164,7 @@ impl<F: F32x8> Sums<F> {
         let nearest = self.nearest.to_array();
         std::array::from_fn(|i| Fit {
             irradiance: (weight[i] > LEAST_WEIGHT).then(|| Vec3::new(light[0][i], light[1][i], light[2][i])),
-            reached: nearest[i] < 1.0 / (SUPPORT * SUPPORT),
+            distance: nearest[i].max(0.0).sqrt() * SUPPORT,
         })
     }
 

@@ -2,7 +2,7 @@
 
 use super::fit::{Fit, FitRecord, Points8, SUPPORT, fit};
 use super::record::Record;
-use crate::lanes::{F32x8, LANES, Portable};
+use crate::lanes::{self, F32x8, LANES, LaneTask};
 use crate::math::Frame;
 use glam::Vec3;
 
@@ -76,18 +76,20 @@ impl PointLanes {
 
     /// Fits at the points, with the widest instructions that the processor has.
     pub fn fit(&self, records: &RecordLanes) -> [Fit; LANES] {
-        #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has AVX2, as asked the line before.
-            return unsafe { fit_avx2(records, self) };
-        }
-        fit::<Portable>(records, self)
+        lanes::run(Fitting { records, points: self })
     }
 }
 
-/// [`fit`], compiled for AVX2.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn fit_avx2(records: &RecordLanes, points: &PointLanes) -> [Fit; LANES] {
-    fit::<crate::lanes::avx2::Avx2>(records, points)
+struct Fitting<'a> {
+    records: &'a RecordLanes,
+    points: &'a PointLanes,
+}
+
+impl LaneTask for Fitting<'_> {
+    type Output = [Fit; LANES];
+
+    #[inline(always)]
+    fn run<F: F32x8>(self) -> [Fit; LANES] {
+        fit::<F>(self.records, self.points)
+    }
 }

@@ -44,13 +44,16 @@ pub fn interpolate(
         let candidates = grid_points(visible, grid, |i| gathering.reflects(&visible.points[i as usize]));
         let wanted: Vec<u32> = clock.time(Stage::Interpolate, || {
             let fits = field.fit(&candidates);
-            candidates.into_iter().zip(fits).filter(|(_, fit)| !fit.reached).map(|(i, _)| i).collect()
+            candidates.into_iter().zip(fits).filter(|(_, fit)| fit.distance > 1.0).map(|(i, _)| i).collect()
         });
         let estimates = gather_at(gathering, visible, &wanted)?;
         clock.time(Stage::Interpolate, || field.add(wanted.into_iter().zip(estimates)));
     }
     finish(gathering, visible, &field, &lit)
 }
+
+/// What is further than so many reaches from all records is gathered after all.
+const FARTHEST: f32 = 2.0;
 
 /// The fit everywhere, and gathers where no record is near.
 fn finish(gathering: &mut Gathering, visible: &Visible, field: &Field, lit: &[u32]) -> Result<Vec<Vec3>> {
@@ -59,8 +62,8 @@ fn finish(gathering: &mut Gathering, visible: &Visible, field: &Field, lit: &[u3
     let mut missing = Vec::new();
     for (&i, fit) in lit.iter().zip(fits) {
         match fit.irradiance {
-            Some(e) => irradiance[i as usize] = e,
-            None => missing.push(i),
+            Some(e) if fit.distance < FARTHEST => irradiance[i as usize] = e,
+            _ => missing.push(i),
         }
     }
     let estimates = gather_at(gathering, visible, &missing)?;
@@ -76,11 +79,11 @@ fn gather_at(gathering: &mut Gathering, visible: &Visible, points: &[u32]) -> Re
 /// The main points of every `grid`-th pixel that no coarser grid held.
 fn grid_points(visible: &Visible, grid: u32, reflects: impl Fn(u32) -> bool) -> Vec<u32> {
     let coarser = 2 * grid;
-    let known = |x: u32, y: u32| grid != GRIDS[0] && x % coarser == 0 && y % coarser == 0;
+    let known = |x: u32, y: u32| grid != GRIDS[0] && x.is_multiple_of(coarser) && y.is_multiple_of(coarser);
     let mut points = Vec::new();
     for row in 0..visible.height() {
         let y = visible.rows.start + row;
-        if y % grid != 0 {
+        if !y.is_multiple_of(grid) {
             continue;
         }
         let columns = (0..visible.width).step_by(grid as usize).filter(|&x| !known(x, y));

@@ -6,7 +6,7 @@ use glam::Vec3;
 
 /// Shortest and longest reach of a record, pixels.
 const SHORTEST: f32 = 2.5;
-const LONGEST: f32 = 40.0;
+const LONGEST: f32 = 24.0;
 
 /// A gather at a visible point.
 #[derive(Debug, Clone, Copy)]
@@ -19,7 +19,8 @@ pub struct Record {
     pub irradiance: Vec3,
     /// No other gather is needed up to this distance, scene units.
     pub reach: f32,
-    /// Least reach, scene units.
+    /// Least reach that is worth while, scene units: nearer gathers would only repeat this one, unless light changes from
+    /// pixel to pixel.
     pub shortest: f32,
 }
 

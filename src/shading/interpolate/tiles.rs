@@ -13,14 +13,14 @@ use std::ops::Range;
 
 /// Edge of a tile, pixels.
 const TILE: u32 = 16;
-/// Where the prediction of a record from its neighbours was wrong, records reach this much less far.
+/// Where predictions of records from their neighbours are wrong, records reach this much less far.
 const SHRINK: f32 = 0.5;
-/// One wrong prediction may be an outlier of the noise; so many are a feature.
-const ENOUGH: usize = 2;
-/// Errors of predictions above so many times their median are more than the gathers' noise.
-const NOISE_MARGIN: f32 = 4.0;
-/// Errors of so many tolerances are to be expected of predictions: they come from further away than interpolation does.
-const ERROR_MARGIN: f32 = 2.0;
+/// Mean errors above so many times the median of all are more than the gathers' noise.
+const NOISE_MARGIN: f32 = 1.6;
+/// Fewer errors than these have no mean worth the name.
+const ENOUGH: u32 = 4;
+/// Corrected records reach at least this share of what is worth while: not to the next pixel.
+const LEAST: f32 = 0.2;
 
 /// All records of a picture so far.
 pub struct Field<'v> {
@@ -112,28 +112,35 @@ impl<'v> Field<'v> {
             .par_iter()
             .map(|record| {
                 let bound = |other: &Record| other.reach + other.position.distance(record.position);
-                self.around(record).map(bound).fold(record.reach, f32::min)
+                let least = record.reach.min(record.shortest);
+                self.around(record).map(bound).fold(record.reach, f32::min).max(least)
             })
             .collect()
     }
 
-    /// Shorter reaches around records that their neighbours predict badly.
+    /// Shorter reaches where records are predicted badly from their neighbours: not one alone, which may be an outlier of the
+    /// noise, but on average around a place.
     fn corrected(&self) -> Vec<f32> {
-        let surprising = self.surprising();
-        let shorter = |record: &Record| {
-            let near = |other: u32| {
-                let distance = self.records[other as usize].position.distance(record.position);
-                surprising[other as usize] && distance < SUPPORT * record.reach
-            };
-            let around = self.tile_at(record).map_or(&[][..], |tile| self.tiles.get(tile));
-            let count = around.iter().filter(|&&r| near(r)).take(ENOUGH).count();
-            if count == ENOUGH { record.reach * SHRINK } else { record.reach }
+        let errors = self.errors();
+        // Most errors are noise: their median tells how much of it there is.
+        let limit = (NOISE_MARGIN * median(&errors)).max(self.reaches.tolerance);
+        let corrected = |record: &Record| {
+            let (mut sum, mut count) = (0.0, 0);
+            for &r in self.tile_at(record).map_or(&[][..], |tile| self.tiles.get(tile)) {
+                let other = &self.records[r as usize];
+                if other.position.distance(record.position) < SUPPORT * record.reach {
+                    sum += errors[r as usize];
+                    count += 1;
+                }
+            }
+            let wrong = count >= ENOUGH && sum > limit * count as f32;
+            if wrong { (record.reach * SHRINK).max(record.shortest * LEAST) } else { record.reach }
         };
-        self.records.par_iter().map(shorter).collect()
+        self.records.par_iter().map(corrected).collect()
     }
 
-    /// Which records their neighbours predict badly.
-    fn surprising(&self) -> Vec<bool> {
+    /// Relative errors of the predictions of records from their neighbours; 0 without neighbours.
+    fn errors(&self) -> Vec<f32> {
         let own_tile = |r: &Record| self.tile_at(r).map_or(0..0, |tile| one(tile as u32));
         let boxes: Vec<Range<u32>> = self.records.iter().map(own_tile).collect();
         let fits = self.fit_lists(&Lists::new(self.tiles.len(), &boxes), self.records.len(), |eight| {
@@ -142,14 +149,11 @@ impl<'v> Field<'v> {
         let error = |(record, fit): (&Record, &Fit)| {
             fit.irradiance.map_or(0.0, |prediction| relative_error(prediction, record.irradiance))
         };
-        let errors: Vec<f32> = self.records.iter().zip(&fits).map(error).collect();
-        // Most errors are noise: their median tells how much of it there is.
-        let limit = (NOISE_MARGIN * median(&errors)).max(ERROR_MARGIN * self.reaches.tolerance);
-        errors.into_iter().map(|e| e > limit).collect()
+        self.records.iter().zip(&fits).map(error).collect()
     }
 
     fn set_reaches(&mut self, reaches: &[f32]) {
-        self.records.iter_mut().zip(reaches).for_each(|(r, &reach)| r.reach = reach.max(r.shortest));
+        self.records.iter_mut().zip(reaches).for_each(|(r, &reach)| r.reach = reach);
         self.sort_into_tiles();
     }
 

@@ -1,7 +1,7 @@
 //! Which triangles meet at which edges.
 
+use crate::math::hash32;
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// One triangle's use of an edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -24,7 +24,7 @@ impl Edges {
     /// Finds the edges. Vertices are one when their positions are the same numbers: files repeat them verbatim.
     pub fn new(triangles: &[[Vec3; 3]]) -> Self {
         let vertices = weld(triangles);
-        let mut uses: Vec<EdgeUse> = vertices
+        let uses: Vec<EdgeUse> = vertices
             .chunks_exact(3)
             .zip(0..)
             .flat_map(|(v, triangle)| {
@@ -39,8 +39,7 @@ impl Edges {
             })
             .filter(|edge| edge.vertices[0] != edge.vertices[1])
             .collect();
-        uses.par_sort_unstable();
-        Self(uses)
+        Self(sorted(uses, triangles.len() * 3))
     }
 
     /// The edges, each as the list of its uses.
@@ -49,18 +48,43 @@ impl Edges {
     }
 }
 
-/// A number for each triangle corner, equal where the positions are equal.
-fn weld(triangles: &[[Vec3; 3]]) -> Vec<u32> {
-    // Adding zero turns -0.0 into 0.0.
-    let bits = |p: Vec3| (p + Vec3::ZERO).to_array().map(f32::to_bits);
-    let mut corners: Vec<([u32; 3], u32)> =
-        triangles.as_flattened().iter().map(|&p| bits(p)).zip(0..).collect();
-    corners.par_sort_unstable();
-    let mut ids = vec![0; corners.len()];
-    for (id, same) in (0..).zip(corners.chunk_by(|a, b| a.0 == b.0)) {
-        same.iter().for_each(|&(_, corner)| ids[corner as usize] = id);
+/// Sorts uses of edges: each is put among those of its lower vertex, which are few.
+fn sorted(uses: Vec<EdgeUse>, vertices: usize) -> Vec<EdgeUse> {
+    let mut next = vec![0u32; vertices + 1];
+    uses.iter().for_each(|edge| next[edge.vertices[0] as usize + 1] += 1);
+    (0..vertices).for_each(|v| next[v + 1] += next[v]);
+    let mut sorted = uses.clone();
+    for edge in uses {
+        let place = &mut next[edge.vertices[0] as usize];
+        sorted[*place as usize] = edge;
+        *place += 1;
     }
-    ids
+    sorted.chunk_by_mut(|a, b| a.vertices[0] == b.vertices[0]).for_each(<[EdgeUse]>::sort_unstable);
+    sorted
+}
+
+/// A number for each triangle corner, equal where the positions are equal: that of the first corner there.
+fn weld(triangles: &[[Vec3; 3]]) -> Vec<u32> {
+    const FREE: u32 = u32::MAX;
+    // Adding zero turns -0.0 into 0.0.
+    let corners = triangles.as_flattened();
+    let bits = |i: u32| (corners[i as usize] + Vec3::ZERO).to_array().map(f32::to_bits);
+    // A table of first corners with open addresses.
+    let mask = (2 * corners.len()).next_power_of_two() as u32 - 1;
+    let mut table = vec![FREE; mask as usize + 1];
+    (0..corners.len() as u32)
+        .map(|corner| {
+            let own = bits(corner);
+            let mut at = own.iter().fold(0, |hash, &b| hash32(hash ^ b)) & mask;
+            while table[at as usize] != FREE && bits(table[at as usize]) != own {
+                at = (at + 1) & mask;
+            }
+            if table[at as usize] == FREE {
+                table[at as usize] = corner;
+            }
+            table[at as usize]
+        })
+        .collect()
 }
 
 /// Disjoint sets whose members may be mirrored with respect to each other.

@@ -1,0 +1,49 @@
+//! Points of a light for whole neighbourhoods: the pixels of a 4 x 4 tile divide stratified points among them (Keller and
+//! Heidrich, "Interleaved Sampling", EGWR 2001). In one order of tiles all use the same points, so that any 4 x 4 pixels hold
+//! them all; in the other they are different in every tile, so that hardly two neighbourhoods ask for the same.
+
+use crate::direct::sequence::Sequence;
+use glam::Vec2;
+
+/// Pixels along the edge of a tile whose pixels divide stratified samples among them, as a power of two.
+const TILE: u32 = 2;
+
+/// The sequence of one light.
+#[derive(Debug, Clone, Copy)]
+pub struct Interleaved {
+    sequence: Sequence,
+}
+
+impl Interleaved {
+    /// For the light of a number.
+    pub fn new(seed: u32, light: u32) -> Self {
+        Self { sequence: Sequence::new(seed, 0, light) }
+    }
+
+    /// Where a pixel's ray goes to, in the unit square; the same in every tile.
+    pub fn point(&self, pixel: [u32; 2], ray: u32) -> Vec2 {
+        self.sequence.point(within_tile(pixel) | ray << (2 * TILE))
+    }
+
+    /// Where a pixel's only ray goes to, in the unit square.
+    pub fn probe(&self, [x, y]: [u32; 2]) -> Vec2 {
+        let tile = morton(x >> TILE, y >> TILE);
+        self.sequence.point(within_tile([x, y]) | tile << (2 * TILE))
+    }
+}
+
+fn within_tile([x, y]: [u32; 2]) -> u32 {
+    let below = (1 << TILE) - 1;
+    morton(x & below, y & below)
+}
+
+/// The bits of two numbers in turns (Morton 1966), each up to 16 bits.
+fn morton(x: u32, y: u32) -> u32 {
+    let spread = |mut v: u32| {
+        for (shift, mask) in [(8, 0x00ff_00ff), (4, 0x0f0f_0f0f), (2, 0x3333_3333), (1, 0x5555_5555)] {
+            v = (v | v << shift) & mask;
+        }
+        v
+    };
+    spread(x & 0xffff) | spread(y & 0xffff) << 1
+}

@@ -1,0 +1,140 @@
+//! Direct light of the points that the camera sees, with shadow rays only where visibility varies.
+//!
+//! Unshadowed light is exact at every point. Its visibility, light by light, begins with one ray a point (`probe`). Where
+//! the points around agree that all or nothing of the light is seen, that is the answer. Elsewhere several rays a point
+//! are averaged over neighbours, or, where visibility changes within a few pixels, many rays are spread over the pixel alone
+//! (`shared`, `own`).
+
+mod hood;
+mod interleaved;
+mod own;
+mod probe;
+mod shared;
+#[cfg(test)]
+mod tests;
+
+use super::points::{ShadingPoint, View};
+use super::visible::Visible;
+use crate::direct::{DirectLight, Gloss, LightAlone, LitPoint, Sampling};
+use crate::error::Result;
+use crate::interrupt;
+use crate::settings::{Emitters, Settings};
+use crate::world::World;
+use glam::Vec3;
+use hood::Hood;
+use probe::Answers;
+use rayon::prelude::*;
+
+/// Points that a worker takes at a time, at least.
+const PORTION: usize = 256;
+
+/// Direct light of all visible points; nothing where the gather itself sees the emitters.
+///
+/// # Errors
+/// When the user interrupts.
+pub fn direct_light(
+    world: &World,
+    view: &View,
+    settings: &Settings,
+    visible: &Visible,
+) -> Result<Vec<DirectLight>> {
+    let mut light = vec![DirectLight::default(); visible.points.len()];
+    if settings.emitters == Emitters::Gather {
+        return Ok(light);
+    }
+    let scene = Lit { world, view, settings, visible };
+    let apart = world.lights.one_by_one(&world.accel);
+    let sharing = apart.is_some();
+    scene.shade_each_point(&mut light, |point| !sharing || scene.is_glossy(point))?;
+    if let Some(lights) = apart {
+        let hood = Hood::new(visible);
+        for one in lights {
+            interrupt::check()?;
+            let seen = scene.visibility(&hood, one);
+            light.par_iter_mut().zip(&seen.irradiance).with_min_len(4096).for_each(|(light, factor)| {
+                light.irradiance += one.colour() * *factor;
+            });
+        }
+    }
+    Ok(light)
+}
+
+/// What the stage works on.
+#[derive(Clone, Copy)]
+struct Lit<'a> {
+    world: &'a World,
+    view: &'a View,
+    settings: &'a Settings,
+    visible: &'a Visible,
+}
+
+/// What one light gives to all visible points.
+#[derive(Debug)]
+struct Shadowed {
+    /// Irradiance with a light of colour 1.
+    irradiance: Vec<f32>,
+    /// Points that needed more than a probe.
+    #[cfg_attr(not(test), expect(dead_code, reason = "tests count the work"))]
+    refined: usize,
+}
+
+impl<'a> Lit<'a> {
+    /// One light by itself, for all points that are not glossy.
+    fn visibility(&self, hood: &Hood, light: LightAlone) -> Shadowed {
+        let mut answers = Answers::probe(self, hood, light);
+        let mixed = answers.disagreements(self, hood, light);
+        let (wide, edges) = mixed.split(light);
+        let refined = wide.len() + edges.len();
+        let steep = shared::average(self, hood, light, &mut answers, &wide);
+        let alone: Vec<u32> = edges.iter().copied().chain(steep.iter().map(|steep| steep.point)).collect();
+        own::average(self, light, &mut answers, &alone);
+        own::smooth(self, hood, &mut answers, &steep);
+        if !light.is_point() {
+            own::settle(self, hood, &mut answers, &edges);
+        }
+        let irradiance =
+            answers.unshadowed.par_iter().zip(&answers.visible).with_min_len(4096).map(|(e, v)| e * v);
+        Shadowed { irradiance: irradiance.collect(), refined }
+    }
+
+    /// The way that keeps nothing in common between points: all rays of all lights at each of the chosen ones.
+    fn shade_each_point(
+        &self,
+        light: &mut [DirectLight],
+        chosen: impl Fn(&ShadingPoint) -> bool + Sync,
+    ) -> Result<()> {
+        let points = self.visible.points.par_iter();
+        points.zip(light).with_min_len(PORTION).filter(|(point, _)| chosen(point)).try_for_each(
+            |(point, light)| {
+                interrupt::check()?;
+                if !point.black {
+                    *light = self.shade(point);
+                }
+                Ok(())
+            },
+        )
+    }
+
+    fn shade(&self, point: &ShadingPoint) -> DirectLight {
+        let material = &self.world.scene.materials[point.material as usize];
+        let gloss = self
+            .is_glossy(point)
+            .then(|| Gloss { to_eye: self.view.to_camera(point.position), shininess: material.shininess });
+        let sampling =
+            Sampling { seed: self.settings.seed, stream: point.stream, samples: self.settings.light_samples };
+        self.world.lights.shade(&self.world.accel, &lit_point(point), gloss, sampling)
+    }
+
+    fn is_glossy(&self, point: &ShadingPoint) -> bool {
+        self.world.scene.materials[point.material as usize].specular != Vec3::ZERO
+    }
+
+    /// Whether a point's shadows are found here: it reflects light, and by its cosine alone.
+    fn is_matte(&self, point: &ShadingPoint) -> bool {
+        !point.black && !self.is_glossy(point)
+    }
+}
+
+fn lit_point(point: &ShadingPoint) -> LitPoint {
+    LitPoint { position: point.position, normal: point.shading_normal, geometric_normal: point.normal }
+}

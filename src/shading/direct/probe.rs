@@ -1,0 +1,147 @@
+//! The first rays, and where their answers differ.
+
+use super::hood::Hood;
+use super::interleaved::Interleaved;
+use super::{Lit, PORTION, lit_point};
+use crate::direct::sequence::Sequence;
+use crate::direct::{LightAlone, LitPoint};
+use rayon::prelude::*;
+
+/// A ray arrived.
+const LIT: u8 = 1;
+/// A ray did not.
+const HIDDEN: u8 = 2;
+/// The light reaches below the receiver's horizon, and no ray found the part above it.
+const UNKNOWN: u8 = 4;
+
+/// Rays at a point that shares its pixel with other surfaces: what hides light touches it more often than others.
+const PROBES_AT_EDGES: u32 = 4;
+/// Rays tried where the light reaches below the horizon.
+const TRIES: u32 = 4;
+
+/// Points that a worker takes at a time: a few rows of an ordinary picture.
+const CHUNK: usize = 4096;
+
+/// Marks a disagreement in [`Hood::spread`].
+const MIXED: u8 = 1;
+
+/// What is known of one light at all points.
+#[derive(Debug)]
+pub struct Answers {
+    /// Irradiance without shadows from a light of colour 1.
+    pub unshadowed: Vec<f32>,
+    /// The part of it that arrives, 0..=1.
+    pub visible: Vec<f32>,
+    /// What rays found, as bits; none where no light can arrive.
+    found: Vec<u8>,
+}
+
+/// Points at which rays disagree, in order.
+#[derive(Debug)]
+pub struct Mixed {
+    points: Vec<u32>,
+    /// Whether each fills its pixel.
+    fills: Vec<bool>,
+}
+
+impl Mixed {
+    /// Those that can share rays with their neighbours, and those that cannot.
+    pub fn split(self, light: LightAlone) -> (Vec<u32>, Vec<u32>) {
+        let (mut wide, mut alone) = (Vec::new(), Vec::new());
+        for (point, fills) in self.points.into_iter().zip(self.fills) {
+            if fills && !light.is_point() { wide.push(point) } else { alone.push(point) }
+        }
+        (wide, alone)
+    }
+}
+
+impl Answers {
+    /// Asks at every matte point.
+    pub fn probe(lit: &Lit, hood: &Hood, light: LightAlone) -> Self {
+        let count = lit.visible.points.len();
+        let mut answers =
+            Self { unshadowed: vec![0.0; count], visible: vec![0.0; count], found: vec![0; count] };
+        let unshadowed = answers.unshadowed.par_chunks_mut(CHUNK);
+        let portions =
+            unshadowed.zip(answers.visible.par_chunks_mut(CHUNK)).zip(answers.found.par_chunks_mut(CHUNK));
+        portions.enumerate().for_each(|(k, ((unshadowed, visible), found))| {
+            let first = k * CHUNK;
+            let matte: Vec<usize> =
+                (0..found.len()).filter(|i| lit.is_matte(&lit.visible.points[first + i])).collect();
+            let receivers: Vec<LitPoint> =
+                matte.iter().map(|i| lit_point(&lit.visible.points[first + i])).collect();
+            for ((&i, receiver), factor) in matte.iter().zip(&receivers).zip(light.unshadowed(&receivers)) {
+                if factor > 0.0 {
+                    unshadowed[i] = factor;
+                    found[i] = ask(lit, hood, light, first + i, receiver);
+                    visible[i] = if found[i] == LIT { 1.0 } else { 0.0 };
+                }
+            }
+        });
+        answers
+    }
+
+    /// Points of whose neighbourhood, a few pixels across, some see the light and others do not; and points close to those,
+    /// where less light is missing than single rays tell.
+    pub fn disagreements(&self, lit: &Lit, hood: &Hood, light: LightAlone) -> Mixed {
+        let count = self.found.len();
+        let around = hood.spread(&self.found);
+        let marks: Vec<u8> = (0..count)
+            .into_par_iter()
+            .with_min_len(PORTION)
+            .map(|i| if self.is_mixed(lit, hood, &around, i) { MIXED } else { 0 })
+            .collect();
+        let near = hood.spread(&marks);
+        let beside_mixed = |i: usize| {
+            self.found[i] != 0
+                && !light.is_point()
+                && near[hood.pixel(i)] != 0
+                && hood.neighbours(lit.view, i).any(|n| marks[n.point] != 0)
+        };
+        let points: Vec<u32> = (0..count as u32)
+            .into_par_iter()
+            .with_min_len(PORTION)
+            .filter(|&i| marks[i as usize] != 0 || beside_mixed(i as usize))
+            .collect();
+        let fills = points.iter().map(|&i| hood.fills_pixel(i as usize)).collect();
+        Mixed { points, fills }
+    }
+
+    fn is_mixed(&self, lit: &Lit, hood: &Hood, around: &[u8], i: usize) -> bool {
+        let settled = |found: u8| found == LIT || found == HIDDEN;
+        if self.found[i] == 0 || settled(around[hood.pixel(i)]) {
+            return false;
+        }
+        let found = hood.neighbours(lit.view, i).fold(0, |found, n| found | self.found[n.point]);
+        !settled(found)
+    }
+
+    /// Whether a point could get light, were nothing in the way.
+    pub fn has_light(&self, point: usize) -> bool {
+        self.found[point] != 0
+    }
+}
+
+fn answer(light: LightAlone, point: &LitPoint, u: glam::Vec2) -> u8 {
+    match light.probe(point, u) {
+        Some(true) => LIT,
+        Some(false) => HIDDEN,
+        None => UNKNOWN,
+    }
+}
+
+/// What one ray finds at a point, or more of them where one is not enough to start with.
+fn ask(lit: &Lit, hood: &Hood, light: LightAlone, i: usize, point: &LitPoint) -> u8 {
+    let seed = lit.settings.seed;
+    let mut found = answer(light, point, Interleaved::new(seed, light.number).probe(hood.place(i)));
+    let more = Sequence::new(seed, lit.visible.points[i].stream, light.number);
+    let ask = |ray: u32| answer(light, point, more.point(ray));
+    if found == UNKNOWN {
+        found = (0..TRIES).map(ask).find(|&answer| answer != UNKNOWN).unwrap_or(UNKNOWN);
+    }
+    if !hood.fills_pixel(i) && !light.is_point() {
+        let others = (0..PROBES_AT_EDGES - 1).map(ask).filter(|&answer| answer != UNKNOWN);
+        found = others.fold(found, |found, answer| found | answer);
+    }
+    found
+}

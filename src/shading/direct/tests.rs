@@ -1,0 +1,157 @@
+//! Pictures of one floor under one light, some of it hidden by a square.
+
+use super::*;
+use crate::gather::device::DeviceRequest;
+use crate::progress::Reporter;
+use crate::run::Run;
+use crate::scene::{Camera, Material, PunctualEmission, PunctualLight, Scene, SceneDescription, Shape};
+use crate::settings::GatherMethod;
+use glam::DVec3;
+
+const FLOOR: u32 = 0;
+const LAMP: u32 = 1;
+const SIZE: u32 = 96;
+
+/// A square at a height, facing up (1) or down (-1).
+fn square(centre: DVec3, half: f64, up: f64, material: u32) -> Shape {
+    let corner = |x: f64, y: f64| centre + DVec3::new(x * up, y, 0.0) * half;
+    Shape::Mesh {
+        positions: vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        normals: Vec::new(),
+        materials: vec![material; 2],
+    }
+}
+
+struct Picture {
+    world: World,
+    view: View,
+    settings: Settings,
+}
+
+impl Picture {
+    /// The floor seen from above; nothing but the floor is in sight.
+    fn new(mut shapes: Vec<Shape>, lights: Vec<PunctualLight<DVec3>>, samples: u32) -> Self {
+        shapes.push(square(DVec3::ZERO, 10.0, 1.0, FLOOR));
+        let lamp = Material { emission: Vec3::ONE, ..Material::default() };
+        let materials = vec![Material::default(), lamp];
+        let description = SceneDescription { shapes, materials, lights, ..SceneDescription::default() };
+        let scene = Scene::new(&description).expect("has an area");
+        let settings = Settings {
+            gather: GatherMethod::None,
+            device: DeviceRequest::Cpu,
+            light_samples: 64,
+            ..Settings::default()
+        };
+        let world =
+            World::prepare(scene, None, &settings, &Run::new(Reporter::new(true, false))).expect("prepared");
+        let camera = Camera::look_at(DVec3::new(0.5, -3.0, 2.0), DVec3::new(0.5, 0.0, 0.0), DVec3::Z, 40.0);
+        let view = View::new(&world.scene, &camera.expect("a view"), SIZE, SIZE, samples, 0);
+        Self { world, view, settings }
+    }
+
+    fn visible(&self) -> Visible {
+        Visible::trace(&self.view, &self.world.accel, 0..SIZE).expect("not interrupted")
+    }
+
+    fn light(&self, visible: &Visible) -> Vec<f32> {
+        let light = direct_light(&self.world, &self.view, &self.settings, visible).expect("not interrupted");
+        light.iter().map(|light| light.irradiance.x).collect()
+    }
+
+    /// Every point by itself, with so many rays.
+    fn exact(&self, visible: &Visible, samples: u32) -> Vec<f32> {
+        let sampling = |p: &ShadingPoint| Sampling { seed: 9, stream: p.stream, samples };
+        let shade = |p| self.world.lights.irradiance(&self.world.accel, &lit_point(p), sampling(p)).x;
+        visible.points.par_iter().map(shade).collect()
+    }
+
+    fn refined(&self, visible: &Visible) -> usize {
+        let lit = Lit { world: &self.world, view: &self.view, settings: &self.settings, visible };
+        let lights = self.world.lights.one_by_one(&self.world.accel).expect("few lights");
+        lights.map(|light| lit.visibility(&Hood::new(visible), light).refined).sum()
+    }
+}
+
+fn lamp() -> Shape {
+    square(DVec3::new(0.0, 0.0, 4.0), 0.15, -1.0, LAMP)
+}
+
+fn blind() -> Shape {
+    square(DVec3::new(0.0, 0.0, 2.5), 0.3, 1.0, FLOOR)
+}
+
+fn bulb() -> PunctualLight<DVec3> {
+    PunctualLight {
+        position: DVec3::new(0.0, 0.0, 4.0),
+        emission: PunctualEmission::Intensity(Vec3::ONE),
+        area: None,
+        area_illumination: false,
+    }
+}
+
+#[test]
+fn without_shadows_light_is_exact_and_one_ray_a_point_is_enough() {
+    for picture in [Picture::new(vec![lamp()], Vec::new(), 16), Picture::new(Vec::new(), vec![bulb()], 16)] {
+        let visible = picture.visible();
+        assert_eq!(picture.refined(&visible), 0);
+        let light = picture.light(&visible);
+        for (got, exact) in light.iter().zip(picture.exact(&visible, 1)) {
+            assert!((got / exact - 1.0).abs() < 1e-6, "{got}, not {exact}");
+        }
+    }
+}
+
+#[test]
+fn penumbras_agree_with_many_rays_at_every_point() {
+    let picture = Picture::new(vec![lamp(), blind()], Vec::new(), 1);
+    let visible = picture.visible();
+    let refined = picture.refined(&visible);
+    assert!(refined > 500 && refined < visible.points.len() / 2, "{refined} in the penumbra");
+    let (light, exact) = (picture.light(&visible), picture.exact(&visible, 4096));
+    let errors: Vec<f32> = light.iter().zip(&exact).map(|(a, b)| a - b).collect();
+    let brightest = exact.iter().copied().fold(0.0, f32::max);
+    let rms = (errors.iter().map(|e| e * e).sum::<f32>() / refined as f32).sqrt() / brightest;
+    let worst = errors.iter().fold(0.0, |worst: f32, e| worst.max(e.abs())) / brightest;
+    let bias = errors.iter().sum::<f32>() / refined as f32 / brightest;
+    assert!(rms < 0.015 && worst < 0.1 && bias.abs() < 3e-3, "rms {rms}, worst {worst}, bias {bias}");
+}
+
+#[test]
+fn hard_shadows_are_anti_aliased() {
+    let picture = Picture::new(vec![blind()], vec![bulb()], 64);
+    let visible = picture.visible();
+    let light = picture.light(&visible);
+    let bulb = picture.world.lights.one_by_one(&picture.world.accel).expect("one light").next().expect("it");
+    let receivers: Vec<LitPoint> = visible.points.iter().map(lit_point).collect();
+    let unshadowed: Vec<f32> = bulb.unshadowed(&receivers).iter().map(|e| e * bulb.colour().x).collect();
+    let (mut edge, mut sum) = (0, 0.0);
+    for (i, point) in visible.points.iter().enumerate() {
+        let n = 24;
+        let lit = (0..n * n).filter(|k| {
+            let within = glam::Vec2::new((k % n) as f32 + 0.5, (k / n) as f32 + 0.5) / n as f32;
+            let place = picture.view.trace_within(&picture.world.accel, point.stream, within);
+            let place = lit_point(&place.expect("the floor"));
+            let sampling = Sampling { seed: 0, stream: 0, samples: 1 };
+            picture.world.lights.irradiance(&picture.world.accel, &place, sampling) != Vec3::ZERO
+        });
+        let coverage = lit.count() as f32 / (n * n) as f32;
+        let off = (light[i] / unshadowed[i] - coverage).abs();
+        assert!(off < 0.08, "{} of the light where {coverage} of the pixel is lit", light[i] / unshadowed[i]);
+        if coverage > 0.0 && coverage < 1.0 {
+            edge += 1;
+            sum += off;
+        }
+    }
+    assert!(edge > 100 && sum / (edge as f32) < 0.02, "{} at {edge} pixels", sum / edge as f32);
+}
+
+#[test]
+fn threads_change_nothing() {
+    let picture = Picture::new(vec![lamp(), blind()], vec![bulb()], 16);
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        pool.install(|| picture.light(&picture.visible()))
+    };
+    assert_eq!(with(1), with(3));
+}

@@ -44,6 +44,7 @@ impl Quality {
             face_resolution: [8, 8, 8, 16][self as usize],
             density,
             lod: [2.0, 2.0, 1.5, 1.0][self as usize],
+            near_field: [0.0, 4.0, 4.0, 4.0][self as usize],
             interpolate: (gather != GatherMethod::MonteCarlo).then_some(interpolate),
             light_samples: [4, 8, 16, 64][self as usize],
             gather_samples: match gather {
@@ -110,6 +111,9 @@ pub struct Settings {
     pub shape: SurfelShape,
     /// Largest size at which a cluster of surfels is drawn as one, pixels; 0 draws surfels only.
     pub lod: f32,
+    /// Rays take the place of hemicube pixels whose surfel is nearer than so many of its radii, and of those at the outlines
+    /// of what is seen; 0: of none.
+    pub near_field: f32,
     /// Largest relative error that interpolation between gathers aims at; `None` gathers at every shading point.
     pub interpolate: Option<f32>,
     /// Indirect bounces.
@@ -141,6 +145,7 @@ impl Default for Settings {
             density: SurfelDensity::Count(14_000),
             shape: SurfelShape::Disc,
             lod: 2.0,
+            near_field: 0.0,
             interpolate: None,
             bounces: Bounces::Count(1),
             emitters: Emitters::Sample,

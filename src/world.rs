@@ -11,6 +11,7 @@ use crate::gather::traced::{TracedSettings, form_factors};
 use crate::gather::vulkan::list_devices;
 use crate::hemicube::convolve::Convolver;
 use crate::hemicube::frame::{RECEIVER_INSIDE, Receiver};
+use crate::hemicube::near_field::NearField;
 use crate::hemicube::weights::Weights;
 use crate::math::hash32;
 use crate::run::Run;
@@ -22,6 +23,7 @@ use crate::surfel::closed::ClosedTest;
 use crate::surfel::cloud::SurfelCloud;
 use crate::surfel::drawable::Drawables;
 use crate::surfel::generate::{Density, GenerateSettings, generate};
+use crate::surfel::hidden::visible_areas;
 use crate::surfel::lookup::{RadianceLookup, SideLookup};
 use crate::surfel::shade::{ShadeSettings, shade};
 use crate::surfel::transfer::{Transfer, reflecting_sides, side_frame};
@@ -29,6 +31,7 @@ use crate::surfel::tree::{CutSettings, SurfelTree};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// What all stages read while a picture is made.
 pub struct World {
@@ -44,7 +47,7 @@ pub struct World {
     pub tree: Option<SurfelTree>,
     /// What a gather draws: surfels and clusters, with their light.
     pub drawables: Drawables,
-    /// The light that surfaces send, for rays to look up; where the gather method draws nothing.
+    /// The light that surfaces send, for rays to look up: those of traced gathers, or of the near field.
     pub lookup: Option<RadianceLookup>,
     /// Pixel weights of the hemicube.
     pub weights: Weights,
@@ -52,6 +55,9 @@ pub struct World {
     pub device: Choice,
     /// Which surfaces are closed.
     pub closed: ClosedTest,
+    /// `Settings::near_field`.
+    near_field: f32,
+    near_field_rays: AtomicU64,
 }
 
 impl World {
@@ -75,6 +81,8 @@ impl World {
             weights: Weights::new(settings.face_resolution),
             device: choose_device(settings)?,
             closed: ClosedTest::none(),
+            near_field: settings.near_field,
+            near_field_rays: AtomicU64::new(0),
         };
         run.reporter.info(&format!("device: {} ({})", world.device.name, world.device.reason));
         run.reporter.verbose(|| format!("features: {}", world.scene.features().join(", ")));
@@ -88,12 +96,29 @@ impl World {
 
     fn prepare_drawing(&mut self, cloud: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<()> {
         self.prepare_surfels(cloud, settings, run)?;
-        self.tree =
-            run.clock.time(Stage::Tree, || (settings.lod > 0.0).then(|| SurfelTree::new(&self.cloud)));
+        self.tree = run.clock.time(Stage::Tree, || (settings.lod > 0.0).then(|| self.surfel_tree()));
         self.drawables = Drawables::new(&self.cloud, self.tree.as_ref());
         self.drawables.enclosing = self.closed.encloses();
         run.reporter.verbose(|| self.surfels_in_words(settings));
-        self.bounce(settings, run)
+        self.bounce(settings, run)?;
+        if settings.near_field > 0.0 {
+            self.prepare_lookup(run);
+        }
+        Ok(())
+    }
+
+    fn surfel_tree(&self) -> SurfelTree {
+        SurfelTree::weighted(&self.cloud, &visible_areas(&self.cloud, &self.accel, &self.closed))
+    }
+
+    fn prepare_lookup(&mut self, run: &Run) {
+        let make = || RadianceLookup::new(&self.accel, &self.closed, &self.cloud);
+        self.lookup = Some(run.clock.time(Stage::Surfels, make));
+    }
+
+    /// Rays that have replaced hemicube pixels near their receivers.
+    pub fn near_field_rays(&self) -> u64 {
+        self.near_field_rays.load(Ordering::Relaxed)
     }
 
     /// Rays see true surfaces, one by one: they need no tree.
@@ -235,7 +260,17 @@ impl World {
 
     /// Turns surfel ids into irradiance.
     pub fn convolver(&self) -> Convolver<'_> {
-        Convolver::new(&self.drawables, &self.weights, self.scene.background)
+        let convolver = Convolver::new(&self.drawables, &self.weights, self.scene.background);
+        match &self.lookup {
+            None => convolver,
+            Some(lookup) => convolver.with_near_field(NearField {
+                accel: &self.accel,
+                lookup,
+                radii: self.near_field,
+                surfels: self.cloud.len(),
+                rays: &self.near_field_rays,
+            }),
+        }
     }
 
     /// The gatherer that the settings ask for.

@@ -71,9 +71,11 @@ fn assert_even(gathering: &Gathering, radiance: DVec3, what: &str) {
 #[test]
 fn a_closed_room_is_evenly_lit() {
     for n in RESOLUTIONS {
-        for lod in [0.0, 1.0] {
-            let gathering = Gathering::new(&room(), settings(n, lod));
-            assert_even(&gathering, DVec3::new(1.0, 2.0, 3.0), &format!("N = {n}, lod {lod}"));
+        for (lod, near_field) in [(0.0, 0.0), (1.0, 0.0), (1.0, 4.0), (2.0, 4.0)] {
+            let settings = Settings { near_field, ..settings(n, lod) };
+            let gathering = Gathering::new(&room(), settings);
+            let what = format!("N = {n}, lod {lod}, near field {near_field}");
+            assert_even(&gathering, DVec3::new(1.0, 2.0, 3.0), &what);
         }
     }
 }

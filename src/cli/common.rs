@@ -88,8 +88,12 @@ pub struct TransportArgs {
     pub surfel_shape: SurfelShape,
 
     /// Largest size, in hemicube pixels, at which a cluster of surfels is drawn as one disc; 0 draws surfels only
-    #[arg(long, value_name = "PIXELS", value_parser = lod)]
+    #[arg(long, value_name = "PIXELS", value_parser = up_to_64)]
     pub lod: Option<f32>,
+
+    /// Trace rays through hemicube pixels that show a surfel nearer than so many of its radii, or an outline; 0 traces none
+    #[arg(long, value_name = "RADII", value_parser = up_to_64)]
+    pub near_field: Option<f32>,
 
     /// Gather at few points and interpolate between them, to about this relative error; 'off' gathers at every one, as
     /// Monte Carlo gathers do unless a tolerance is given
@@ -182,6 +186,7 @@ impl TransportArgs {
             density,
             shape: self.surfel_shape,
             lod: self.lod.unwrap_or(quality.lod),
+            near_field: self.near_field.unwrap_or(quality.near_field),
             interpolate: self.interpolate.map_or(quality.interpolate, |Interpolate(tolerance)| tolerance),
             bounces: self.bounces,
             light_samples: self.light_samples.unwrap_or(quality.light_samples),
@@ -242,7 +247,7 @@ fn positive(text: &str) -> std::result::Result<f64, String> {
         .ok_or_else(|| format!("must be a finite number above 0, not '{text}'"))
 }
 
-fn lod(text: &str) -> std::result::Result<f32, String> {
+fn up_to_64(text: &str) -> std::result::Result<f32, String> {
     text.parse::<f32>()
         .ok()
         .filter(|v| (0.0..=64.0).contains(v))

@@ -99,6 +99,7 @@ fn settings(args: &RenderArgs) -> Settings {
 }
 
 fn report(args: &RenderArgs, settings: &Settings, world: &World, run: &Run, started: Instant) -> Result<()> {
+    run.counters.count_near_field_rays(world.near_field_rays() as usize);
     let mut stats = Stats::new(&run.counters, &run.clock, started.elapsed());
     stats.device = world.device_info();
     stats.image = [args.width, args.height, settings.samples];

@@ -2,6 +2,7 @@
 
 use super::atlas::{EMPTY, IdAtlas};
 use super::frame::{Estimate, FACES, Receiver, from_face, pixel_direction, rows};
+use super::near_field::{Correction, Depths, Drawn, NearField};
 use super::weights::Weights;
 use crate::accel::RAY_OFFSET;
 use crate::surfel::drawable::Drawables;
@@ -14,43 +15,94 @@ pub(super) const GREATEST_INVERSE_DEPTH: f32 = 1.0 / RAY_OFFSET;
 /// More than this of the weight uncovered is no gap between discs.
 const WIDEST_GAPS: f32 = 0.1;
 
+/// Weighted sums over a hemicube's pixels.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Sums {
+    /// Of radiance, but for the background.
+    pub radiance: Vec3,
+    /// Of 1 / distance.
+    pub closeness: f32,
+    /// Of 1, over the pixels that are not empty.
+    pub covered: f32,
+}
+
+impl Sums {
+    pub(super) fn add(&mut self, correction: &Correction) {
+        self.radiance += correction.radiance;
+        self.closeness += correction.closeness;
+        self.covered += correction.covered;
+    }
+}
+
 /// Everything that turns ids into irradiance.
 #[derive(Clone, Copy)]
 pub struct Convolver<'a> {
     pub(super) drawables: &'a Drawables,
     pub(super) weights: &'a Weights,
     pub(super) background: Vec3,
+    pub(super) near: Option<NearField<'a>>,
 }
 
 impl<'a> Convolver<'a> {
     /// A convolver; `background` is the radiance of pixels that nothing covers.
     pub fn new(drawables: &'a Drawables, weights: &'a Weights, background: Vec3) -> Self {
-        Self { drawables, weights, background }
+        Self { drawables, weights, background, near: None }
+    }
+
+    /// Lets rays see what is near.
+    pub fn with_near_field(self, near: NearField<'a>) -> Self {
+        Self { near: Some(near), ..self }
     }
 
     /// Irradiance at the receiver of tile `i`, and how close what it sees is.
     pub fn estimate(&self, atlas: &IdAtlas, i: usize, receiver: &Receiver) -> Estimate {
-        let factor = self.gap_factor(receiver, self.uncovered(atlas, i));
-        let background = if factor > 1.0 { Vec3::ZERO } else { self.background };
-        let mut total = Vec3::ZERO;
+        let mut sums = Sums::default();
         self.for_each_row(atlas, i, |ids, weights| {
-            let radiance = |id: u32| if id == EMPTY { background } else { self.radiance(id, receiver) };
-            total += ids.iter().zip(weights).fold(Vec3::ZERO, |sum, (&id, &w)| sum + w * radiance(id));
+            for (&id, &w) in ids.iter().zip(weights).filter(|(id, _)| **id != EMPTY) {
+                sums.radiance += w * self.radiance(id, receiver);
+                sums.covered += w;
+            }
         });
-        let closeness = self.closeness(atlas, i, receiver) * factor;
-        Estimate { irradiance: total * (PI * factor), closeness }
+        let depths = self.inverse_depths(atlas, i, receiver);
+        let by_length = (0..FACES).flat_map(|face| self.weights.closeness(face));
+        sums.closeness = depths.iter().zip(by_length).map(|(z, w)| z * w).sum();
+        if let Some(near) = &self.near {
+            sums.add(&self.correction(near, atlas, i, receiver, &depths));
+        }
+        self.finish(&sums, receiver)
     }
 
-    /// Weight of the pixels of tile `i` that nothing covers.
-    fn uncovered(&self, atlas: &IdAtlas, i: usize) -> f32 {
-        if !self.drawables.enclosing {
-            return 0.0;
-        }
-        let mut sum = 0.0;
-        self.for_each_row(atlas, i, |ids, weights| {
-            sum += ids.iter().zip(weights).filter(|(id, _)| **id == EMPTY).map(|(_, w)| w).sum::<f32>();
-        });
-        sum
+    /// What rays change in the sums over tile `i`, whose inverse depths are known.
+    fn correction(
+        &self,
+        near: &NearField,
+        atlas: &IdAtlas,
+        i: usize,
+        receiver: &Receiver,
+        depths: &[f32],
+    ) -> Correction {
+        let n = self.weights.resolution as usize;
+        let face_start = |face: usize| if face == 0 { 0 } else { n * n + (face - 1) * n * (n / 2) };
+        let drawn = |face: usize, x: usize, y: usize| match atlas.row(face, i, y as u32)[x] {
+            EMPTY => Drawn::default(),
+            id => {
+                let drawable = id as usize - 1;
+                let reach = near.reach(drawable, self.drawables.splats[drawable].radius);
+                Drawn { radiance: self.radiance(id, receiver), reach }
+            }
+        };
+        let of_face = |face: usize| Depths { values: &depths[face_start(face)..], stride: n };
+        near.correct(receiver, self.weights, f32::INFINITY, of_face, drawn)
+    }
+
+    /// The estimate from a hemicube's sums.
+    pub(super) fn finish(&self, sums: &Sums, receiver: &Receiver) -> Estimate {
+        let uncovered = (1.0 - sums.covered).max(0.0);
+        let factor = self.gap_factor(receiver, uncovered);
+        let background = if factor > 1.0 { Vec3::ZERO } else { self.background * uncovered };
+        // Corrections of sums leave rounding errors, which may be negative.
+        let radiance = (sums.radiance + background).max(Vec3::ZERO);
+        Estimate { irradiance: radiance * (PI * factor), closeness: sums.closeness.max(0.0) * factor }
     }
 
     /// By how much the covered pixels stand for the others too, where these can only be gaps between discs: without it, a
@@ -71,25 +123,24 @@ impl<'a> Convolver<'a> {
         }
     }
 
-    /// [`Estimate::closeness`] of tile `i`.
-    fn closeness(&self, atlas: &IdAtlas, i: usize, receiver: &Receiver) -> f32 {
+    /// Inverse depths of all pixels of tile `i`, face after face; 0 where nothing is.
+    fn inverse_depths(&self, atlas: &IdAtlas, i: usize, receiver: &Receiver) -> Vec<f32> {
         let (n, frame) = (self.weights.resolution, receiver.frame());
         let inv = 1.0 / n as f32;
-        let mut sum = 0.0;
+        let mut depths = Vec::with_capacity(self.weights.pixels());
         for face in 0..FACES {
-            let weights = self.weights.closeness(face).chunks_exact(n as usize);
-            for (y, weights) in (0..rows(face, n)).zip(weights) {
-                let ids = (0..).zip(atlas.row(face, i, y)).filter(|(_, id)| **id != EMPTY);
-                sum += ids
-                    .map(|(x, &id)| {
-                        let (u, v) = pixel_direction(face, x, y, inv);
-                        let direction = frame.to_world(from_face(face, Vec3::new(u, v, 1.0)));
-                        weights[x as usize] * self.inverse_depth(id, direction, receiver.position)
-                    })
-                    .sum::<f32>();
+            for y in 0..rows(face, n) {
+                depths.extend((0..).zip(atlas.row(face, i, y)).map(|(x, &id)| {
+                    if id == EMPTY {
+                        return 0.0;
+                    }
+                    let (u, v) = pixel_direction(face, x, y, inv);
+                    let direction = frame.to_world(from_face(face, Vec3::new(u, v, 1.0)));
+                    self.inverse_depth(id, direction, receiver.position)
+                }));
             }
         }
-        sum
+        depths
     }
 
     /// Inverse depth of the drawable of that id where a pixel's ray meets its plane.

@@ -1,13 +1,13 @@
 //! Irradiance straight from a drawn hemicube, while its pixels are still in the cache: what [`super::convolve`] does for
 //! ids that come back from a device.
 
-use super::convolve::{Convolver, GREATEST_INVERSE_DEPTH};
+use super::convolve::{Convolver, GREATEST_INVERSE_DEPTH, Sums};
 use super::frame::{Estimate, FACES, Receiver};
+use super::near_field::{Correction, Drawn, NearField};
 use super::raster::Raster;
 use crate::lanes::LANES;
 use crate::surfel::cloud::FLAG_TWO_SIDED;
 use glam::{Vec3, Vec4, Vec4Swizzles};
-use std::f32::consts::PI;
 
 /// Turns the marks of a [`Raster`] into irradiance.
 pub struct Estimator<'a> {
@@ -16,8 +16,16 @@ pub struct Estimator<'a> {
     blocks: Vec<[[f32; LANES]; 2]>,
 }
 
-/// Radiance by mark (`SplatBlock::mark`), and 1 beside it; all 0 where nothing is.
-pub type LightByMark = Vec<Vec4>;
+/// What a cut's drawables look like, by mark (`SplatBlock::mark`).
+#[derive(Debug, Clone, Default)]
+pub struct LightByMark {
+    /// Radiance, and 1 beside it; all 0 where nothing is.
+    light: Vec<Vec4>,
+    /// Distance within which rays replace the drawable; empty without a near field.
+    reach: Vec<f32>,
+    /// The greatest of them.
+    furthest: f32,
+}
 
 impl<'a> Estimator<'a> {
     /// An estimator that finds what `convolver` finds.
@@ -36,8 +44,9 @@ impl<'a> Estimator<'a> {
     }
 
     /// Looks up the light of a list of drawables.
-    pub fn light(&self, cut: &[u32], light: &mut LightByMark) {
+    pub fn light(&self, cut: &[u32], by_mark: &mut LightByMark) {
         let drawables = self.convolver.drawables;
+        let LightByMark { light, reach, furthest } = by_mark;
         light.clear();
         light.resize(2, Vec4::ZERO);
         for i in cut.iter().map(|&drawable| drawable as usize) {
@@ -45,27 +54,48 @@ impl<'a> Estimator<'a> {
             let back = if two_sided { drawables.back_radiance[i] } else { Vec3::ZERO };
             light.extend([drawables.radiance[i].extend(1.0), back.extend(1.0)]);
         }
+        reach.clear();
+        if let Some(near) = &self.convolver.near {
+            reach.resize(2, 0.0);
+            let of = |&i: &u32| [near.reach(i as usize, drawables.splats[i as usize].radius); 2];
+            reach.extend(cut.iter().flat_map(of));
+        }
+        *furthest = reach.iter().copied().fold(0.0, f32::max);
     }
 
     /// Irradiance at the receiver whose hemicube was drawn last, and how close what it sees is.
-    pub fn estimate(&self, raster: &Raster, light: &LightByMark, receiver: &Receiver) -> Estimate {
+    pub fn estimate(&self, raster: &Raster, by_mark: &LightByMark, receiver: &Receiver) -> Estimate {
         // Partial sums, because one would wait for each addition in turn.
         let mut sums = [Vec4::ZERO; 4];
         let mut closeness = [0.0; LANES];
         for ((marks, depths), [weights, by_length]) in raster.blocks().zip(&self.blocks) {
             for i in 0..LANES {
-                sums[i % 4] += light[marks[i] as usize] * weights[i];
+                sums[i % 4] += by_mark.light[marks[i] as usize] * weights[i];
                 closeness[i] += depths[i].min(GREATEST_INVERSE_DEPTH) * by_length[i];
             }
         }
         let sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
-        self.finish(sum.xyz(), (1.0 - sum.w).max(0.0), closeness.iter().sum(), receiver)
+        let mut sums = Sums { radiance: sum.xyz(), closeness: closeness.iter().sum(), covered: sum.w };
+        if let Some(near) = &self.convolver.near {
+            sums.add(&self.correction(near, raster, by_mark, receiver));
+        }
+        self.convolver.finish(&sums, receiver)
     }
 
-    fn finish(&self, light: Vec3, uncovered: f32, closeness: f32, receiver: &Receiver) -> Estimate {
-        let factor = self.convolver.gap_factor(receiver, uncovered);
-        let background = if factor > 1.0 { Vec3::ZERO } else { self.convolver.background * uncovered };
-        Estimate { irradiance: (light + background) * (PI * factor), closeness: closeness * factor }
+    /// What rays change in the sums.
+    fn correction(
+        &self,
+        near: &NearField,
+        raster: &Raster,
+        by_mark: &LightByMark,
+        receiver: &Receiver,
+    ) -> Correction {
+        let drawn = |face: usize, x: usize, y: usize| {
+            let mark = raster.row(face, y as u32)[x] as usize;
+            Drawn { radiance: by_mark.light[mark].xyz(), reach: by_mark.reach[mark] }
+        };
+        let depths = |face: usize| raster.depths(face);
+        near.correct(receiver, self.convolver.weights, by_mark.furthest, depths, drawn)
     }
 }
 

@@ -10,6 +10,7 @@ pub mod cover;
 pub mod estimate;
 pub mod frame;
 pub mod local;
+pub mod near_field;
 pub mod raster;
 pub mod splats;
 pub mod weights;

@@ -5,6 +5,7 @@ use super::bins::RowBins;
 use super::bounds::{PixelBounds, on_face};
 use super::frame::{FACES, Receiver, rows};
 use super::local::{Directions, Extent, Eye, HELD, Local, RIGHT};
+use super::near_field::Depths;
 use super::splats::SplatLanes;
 use crate::lanes::{self, F32x8, LANES, LaneTask, Mask8, U32x8};
 use crate::surfel::cloud::SurfelShape;
@@ -62,6 +63,12 @@ impl Raster {
     pub fn row(&self, face: usize, y: u32) -> &[u32] {
         let start = (self.first_row[face] + y as usize) * self.u.len();
         &self.marks[start..start + self.u.len()].as_flattened()[..self.resolution as usize]
+    }
+
+    /// Inverse depths of a face.
+    pub fn depths(&self, face: usize) -> Depths<'_> {
+        let blocks = self.u.len();
+        Depths { values: self.depth[self.first_row[face] * blocks..].as_flattened(), stride: blocks * LANES }
     }
 
     /// Marks and inverse depths of all rows of all faces, in blocks of eight.

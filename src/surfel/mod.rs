@@ -8,6 +8,7 @@ pub mod drawable;
 mod element;
 pub mod file;
 pub mod generate;
+pub mod hidden;
 mod kdtree;
 pub mod lookup;
 mod patch;

@@ -3,12 +3,12 @@
 
 use super::closed::ClosedTest;
 use super::cloud::{FLAG_TWO_SIDED, SurfelCloud};
+use super::hidden::hidden_sides;
 use super::kdtree::KdTree;
 use super::patch::ALIKE;
-use crate::accel::{Accel, offset_origin};
+use crate::accel::Accel;
 use crate::math::Frame;
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 
 /// Reach of the fit, in spacings of the surfels.
 const REACH: f32 = 1.6;
@@ -25,9 +25,6 @@ const SMOOTH: f32 = 0.7;
 /// Distance between parallel sheets, in spacings of the surfels, from which on they are told apart.
 const SHEETS: f32 = 0.2;
 
-/// Distance to what lies on a surfel, in spacings, below which it is covered.
-const COVERED: f32 = 0.1;
-
 /// Added to the spread of the surfels around, as a share of the reach squared: surfels in one line have no slope across.
 const RIDGE: f32 = 1e-3;
 
@@ -35,7 +32,7 @@ const RIDGE: f32 = 1e-3;
 pub struct Reconstruction<'a> {
     cloud: &'a SurfelCloud,
     tree: KdTree,
-    /// By side: whether it is hidden from everyone, see [`Reconstruction::new`].
+    /// By side: whether it is hidden from everyone, see [`hidden_sides`].
     hidden: Vec<bool>,
 }
 
@@ -56,28 +53,10 @@ impl<'a> Reconstruction<'a> {
     /// Prepares queries on a shaded cloud.
     ///
     /// The floor under a box is dark, but nobody sees it. Fitted together with the floor around, it would take light from
-    /// what everybody sees: the foot of the box. So dark sides that are inside a closed surface or covered by something
-    /// count only where there are no others.
+    /// what everybody sees: the foot of the box. So hidden sides count only where there are no others.
     pub fn new(cloud: &'a SurfelCloud, accel: &Accel, closed: &ClosedTest) -> Self {
         let tree = KdTree::new(cloud.position.iter().copied());
-        let mut all = Self { cloud, tree, hidden: Vec::new() };
-        let sides = (0..2 * cloud.len() as u32).into_par_iter().with_min_len(256);
-        all.hidden = sides.map(|side| all.is_hidden(side, accel, closed)).collect();
-        all
-    }
-
-    fn is_hidden(&self, side: u32, accel: &Accel, closed: &ClosedTest) -> bool {
-        let (i, back) = (side as usize / 2, !side.is_multiple_of(2));
-        let two_sided = self.cloud.flags[i] & FLAG_TWO_SIDED != 0;
-        // Nobody asks for the inside of a closed surface.
-        if back && (!two_sided || closed.culls(self.cloud.primitive[i])) || self.light(side) != Vec3::ZERO {
-            return false;
-        }
-        let (position, normal) = (self.cloud.position[i], self.cloud.normal[i]);
-        let normal = if back { -normal } else { normal };
-        let near = COVERED * self.cloud.area[i].sqrt();
-        accel.occluded(offset_origin(position, normal, normal), normal, near)
-            || closed.receiver_inside(accel, position, normal)
+        Self { cloud, tree, hidden: hidden_sides(cloud, accel, closed) }
     }
 
     /// Radiance that a side of the surface sends, W sr-1 m-2; black only if the cloud is empty, or black itself. `guess`

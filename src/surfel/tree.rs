@@ -99,13 +99,19 @@ pub struct CutSettings {
 impl SurfelTree {
     /// Builds the hierarchy over a cloud of at least one surfel.
     pub fn new(cloud: &SurfelCloud) -> Self {
+        Self::weighted(cloud, &cloud.area)
+    }
+
+    /// The same, with another surface of each surfel than its area: none for those that nobody sees, so that they neither
+    /// darken nor widen clusters.
+    pub fn weighted(cloud: &SurfelCloud, areas: &[f32]) -> Self {
         let boxes = (0..cloud.len()).map(|i| {
             let centre = cloud.position[i] + cloud.normal[i] * NORMAL_SPREAD;
             (centre - cloud.radius[i], centre + cloud.radius[i])
         });
         let shape = cluster(boxes).nodes;
         let mut area = Vec::with_capacity(shape.len());
-        area.extend_from_slice(&cloud.area);
+        area.extend_from_slice(areas);
         let mut tree = Self { nodes: vec![Node::default(); shape.len()], area, surfels: cloud.len() };
         // Children stand behind their parents: from the back, every child is ready before its parent.
         for i in (0..shape.len()).rev() {

@@ -4,7 +4,7 @@ use crate::support::surflux;
 
 const SCENE: &str = "--point-light --background";
 const TRANSPORT: &str = "--device --gather --face-resolution --surfels --surfel-spacing --surfels-per-primitive \
-                         --surfel-cloud --surfel-shape --quality --lod --interpolate --bounces --light-samples --gather-samples --batch \
+                         --surfel-cloud --surfel-shape --quality --lod --near-field --interpolate --bounces --light-samples --gather-samples --batch \
                          --frames-in-flight --seed --threads --validate --quiet --verbose --help --version";
 
 /// Options start their line after at most so many spaces; descriptions, which may start with an option's name, after more.

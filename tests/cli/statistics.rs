@@ -46,7 +46,8 @@ fn counts_are_true() {
     let gathers = number(&stats, "gathers");
     assert!(gathers > points / 2 && gathers <= points, "{gathers}: the lamp's black panel needs no light");
     assert!(number(&stats, "batches") >= gathers.div_ceil(100));
-    assert_eq!((number(&stats, "readback_bytes"), number(&stats, "near_field_rays")), (0, 0));
+    assert_eq!(number(&stats, "readback_bytes"), 0);
+    assert!(number(&stats, "near_field_rays") > 0, "the box has corners and outlines");
     let (surfels, nodes) = (number(&stats, "surfels"), number(&stats, "nodes"));
     assert!((200..=400).contains(&surfels) && nodes == 2 * surfels - 1, "{surfels} in {nodes}");
     let cut = stats["cut_nodes_mean"].as_f64().unwrap();

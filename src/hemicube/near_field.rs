@@ -1,0 +1,189 @@
+//! Rays in place of drawn pixels where drawing misleads: close by, and at the edges of what is seen.
+//!
+//! A disc stands for a surface only from a distance of a few radii: nearer, what overhangs an edge is seen large, and a
+//! corner gets a dark or bright seam. So a pixel whose surfel is near is seen by a ray instead: with exact
+//! visibility, and the radiance of the place that the ray meets. This is the finest of the three levels of Christensen 2008:
+//! rays near, surfels further off, clusters far away.
+//!
+//! Discs also overhang the outlines of far things, the more so the larger a cluster is, or leave gaps through which what is
+//! behind shows. Either way, neighbouring pixels then see surfaces of which one ends in front of the other; a ray decides
+//! for both which of them is there.
+
+use super::frame::{FACES, Receiver, from_face, pixel_direction, rows};
+use super::weights::Weights;
+use crate::accel::{Accel, RAY_OFFSET, offset_origin};
+use crate::math::Frame;
+use crate::surfel::lookup::RadianceLookup;
+use glam::Vec3;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// A surface ends where what the next pixel shows is further away than foretold by more than this factor. Lower, and the
+/// edges of boxes between two visible sides need rays, too.
+const EDGE: f32 = 1.3;
+
+/// What rays see in place of drawn pixels.
+#[derive(Clone, Copy)]
+pub struct NearField<'a> {
+    /// Finds what a ray meets.
+    pub accel: &'a Accel,
+    /// Tells what that sends.
+    pub lookup: &'a RadianceLookup,
+    /// Surfels nearer than so many of their radii are near.
+    pub radii: f32,
+    /// Drawables from this number on are clusters.
+    pub surfels: usize,
+    /// Counts the rays.
+    pub rays: &'a AtomicU64,
+}
+
+/// What was drawn at a pixel.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Drawn {
+    /// Radiance, W sr-1 m-2; 0 where nothing is.
+    pub radiance: Vec3,
+    /// [`NearField::reach`]; 0 where nothing is.
+    pub reach: f32,
+}
+
+/// Inverse depths of a face's pixels (1 / distance along its forward axis, 1 / scene units; 0 where nothing is).
+#[derive(Debug, Clone, Copy)]
+pub struct Depths<'a> {
+    /// Row by row.
+    pub values: &'a [f32],
+    /// Values a row, of which the first N count.
+    pub stride: usize,
+}
+
+/// By how much the rays of a hemicube change its weighted sums.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Correction {
+    /// Of the radiance, W sr-1 m-2, without the background at empty pixels.
+    pub radiance: Vec3,
+    /// Of 1 / distance.
+    pub closeness: f32,
+    /// Of the weight of the pixels that are not empty.
+    pub covered: f32,
+}
+
+impl NearField<'_> {
+    /// Distance from a surfel of that radius within which it is near. Clusters never are: level of detail bounds their size.
+    #[inline(always)]
+    pub fn reach(&self, drawable: usize, radius: f32) -> f32 {
+        if drawable < self.surfels { self.radii * radius } else { 0.0 }
+    }
+
+    /// Sends a ray through each of a receiver's pixels that drawing cannot be trusted with. No surfel in sight is near from
+    /// further away than `furthest`; `drawn` tells what is at a face's pixel (x, y).
+    pub fn correct<'d>(
+        &self,
+        receiver: &Receiver,
+        weights: &Weights,
+        furthest: f32,
+        depths: impl Fn(usize) -> Depths<'d>,
+        drawn: impl Fn(usize, usize, usize) -> Drawn,
+    ) -> Correction {
+        let (frame, n) = (receiver.frame(), weights.resolution as usize);
+        let mut correction = Correction::default();
+        let mut rays = 0;
+        for face in 0..FACES {
+            let depths = depths(face);
+            let edges = edges(&depths, n, rows(face, weights.resolution) as usize);
+            for (i, &on_edge) in edges.iter().enumerate() {
+                let (x, y) = (i % n, i / n);
+                let (weight, by_length) = (weights.face(face)[i], weights.closeness(face)[i]);
+                let depth = depths.values[y * depths.stride + x];
+                // Reach > distance, times by_length: the weight is by_length times the direction's length, which is over 1.
+                let near = || drawn(face, x, y).reach * depth * by_length > weight;
+                if !on_edge && (furthest * depth <= 1.0 || !near()) {
+                    continue;
+                }
+                let seen = self.look(receiver, &frame, (face, x, y), n);
+                correction.radiance += weight * (seen.0 - drawn(face, x, y).radiance);
+                correction.closeness += weight * seen.1 - by_length * depth;
+                correction.covered += if depth > 0.0 { 0.0 } else { weight };
+                rays += 1;
+            }
+        }
+        self.rays.fetch_add(rays, Ordering::Relaxed);
+        correction
+    }
+
+    /// Radiance, and 1 / distance, of what the ray through the centre of a pixel (face, x, y) meets.
+    fn look(
+        &self,
+        receiver: &Receiver,
+        frame: &Frame,
+        pixel: (usize, usize, usize),
+        n: usize,
+    ) -> (Vec3, f32) {
+        let (face, x, y) = pixel;
+        let (u, v) = pixel_direction(face, x as u32, y as u32, 1.0 / n as f32);
+        let direction = frame.to_world(from_face(face, Vec3::new(u, v, 1.0))).normalize();
+        let origin = offset_origin(receiver.position, receiver.normal, direction);
+        match self.accel.closest_point(origin, direction, f32::INFINITY) {
+            Some(hit) => (self.lookup.radiance(&hit), 1.0 / hit.t.max(RAY_OFFSET)),
+            None => (self.accel.scene().background, 0.0),
+        }
+    }
+}
+
+/// Which pixels of a face stand where a surface ends: their own, or one beside them that is in front of theirs.
+fn edges(depths: &Depths, n: usize, rows: usize) -> Vec<bool> {
+    let mut edges = vec![false; n * rows];
+    let at = |x: usize, y: usize| depths.values[y * depths.stride + x];
+    for y in 0..rows {
+        ends(n, |x| at(x, y), |x| edges[y * n + x] = true);
+    }
+    for x in 0..n {
+        ends(rows, |y| at(x, y), |y| edges[y * n + x] = true);
+    }
+    edges
+}
+
+/// Calls `mark` with the pixels of a line, `length` long, between which a surface ends.
+///
+/// Inverse depth is linear on a plane, so two pixels foretell the next one. What is further away than foretold begins behind
+/// an edge; what is nearer stands before the foretold surface and is found from its own side.
+#[inline(always)]
+fn ends(length: usize, depth: impl Fn(usize) -> f32, mut mark: impl FnMut(usize)) {
+    for i in 0..length - 1 {
+        let (a, b) = (depth(i), depth(i + 1));
+        let ended = if a > b {
+            let foretold = if i > 0 { 2.0 * a - depth(i - 1) } else { a };
+            foretold > b * EDGE
+        } else {
+            let foretold = if i + 2 < length { 2.0 * b - depth(i + 2) } else { b };
+            foretold > a * EDGE
+        };
+        if ended {
+            mark(i);
+            mark(i + 1);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn marked(depths: &[f32]) -> Vec<usize> {
+        let mut marked = Vec::new();
+        ends(depths.len(), |i| depths[i], |i| marked.push(i));
+        marked
+    }
+
+    #[test]
+    fn planes_and_corners_have_no_edge() {
+        assert!(marked(&[4.0, 3.0, 2.0, 1.0, 0.1]).is_empty(), "a wall that runs away");
+        assert!(marked(&[1.0, 2.0, 3.0, 2.5, 2.0]).is_empty(), "two sides of a box");
+        assert!(marked(&[3.0, 2.0, 1.0, 2.0, 3.0]).is_empty(), "the corner of a room");
+        assert!(marked(&[0.0; 5]).is_empty(), "nothing at all");
+    }
+
+    #[test]
+    fn outlines_are_found_on_both_sides() {
+        assert_eq!(marked(&[1.0, 1.0, 1.0, 2.0, 2.0]), [2, 3], "something in front of a wall");
+        assert_eq!(marked(&[1.0, 1.0, 0.0, 1.0, 1.0]), [1, 2, 2, 3], "a gap");
+        assert_eq!(marked(&[4.0, 3.0, 0.5, 0.5, 0.5]), [1, 2], "a wall that runs away and ends");
+    }
+}

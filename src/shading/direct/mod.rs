@@ -79,7 +79,7 @@ struct Shadowed {
 
 impl<'a> Lit<'a> {
     /// One light by itself, for all points that are not glossy.
-    fn visibility(&self, hood: &Hood, light: LightAlone) -> Shadowed {
+    fn visibility(&self, hood: &Hood, light: LightAlone<'a>) -> Shadowed {
         let mut answers = Answers::probe(self, hood, light);
         let mixed = answers.disagreements(self, hood, light);
         let (wide, edges) = mixed.split(light);

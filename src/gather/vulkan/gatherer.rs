@@ -81,7 +81,7 @@ impl VulkanGatherer {
         let (slots, largest) = slots(&context, &passes, &settings, parts.len())
             .map_err(|result| context.error("taking memory for hemicubes", result))?;
         let target = match (settings.batch, context.info.kind) {
-            // Nobody kills a software driver, and it draws within the submit: short ones would overlap with nothing.
+            // Nobody kills a software driver, and its batches are small.
             (BatchSize::Fixed(_), _) | (BatchSize::Auto, DeviceKind::Cpu) => FIXED_SECONDS,
             (BatchSize::Auto, _) => AUTO_SECONDS,
         };

@@ -109,6 +109,7 @@ impl Accel {
 
     /// The nearest surface with `0 < t < tmax`. `origin` must already be offset from the surface that the ray leaves
     /// (see [`offset_origin`]).
+    #[inline] // A hit is long to copy.
     pub fn closest_hit(&self, origin: Vec3, direction: Vec3, tmax: f32) -> Option<Hit> {
         let ray = ray(origin, direction, tmax);
         let mut found = RayHit::none();
@@ -184,6 +185,7 @@ impl Accel {
     }
 
     /// Position and normals of a hit that traversal found at distance `t` along the shortened ray.
+    #[inline]
     fn complete(&self, ray: &Ray, leaf: usize, t: f32) -> Hit {
         let primitive = self.leaves[leaf];
         let along = ray.origin + ray.direction * t;

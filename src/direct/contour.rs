@@ -30,47 +30,68 @@ pub(super) struct ContourSample {
     pub(super) weight: f64,
 }
 
-/// Clips edges to the horizon and closes the outline along it.
-pub(super) struct Clipper {
+/// The plane below which a receiver sees nothing.
+struct Horizon {
     normal: DVec3,
-    edges: Vec<[DVec3; 2]>,
     /// Where the outline goes below the horizon, and where it comes back.
     exits: Vec<DVec3>,
     entries: Vec<DVec3>,
 }
 
-impl Clipper {
-    /// For a receiver at the origin with this unit normal, and about so many edges.
-    pub(super) fn new(normal: DVec3, edges: usize) -> Self {
-        Self { normal, edges: Vec::with_capacity(edges + 1), exits: Vec::new(), entries: Vec::new() }
+impl Horizon {
+    /// Of a receiver at the origin with this unit normal.
+    fn new(normal: DVec3) -> Self {
+        Self { normal, exits: Vec::new(), entries: Vec::new() }
     }
 
-    /// Adds the part of an edge that is above the horizon.
+    /// The part of an edge that is above.
     #[inline(always)] // Called, it would wait for its arguments to go through memory: three times the time.
-    pub(super) fn push(&mut self, [a, b]: [DVec3; 2]) {
+    fn clip(&mut self, [a, b]: [DVec3; 2]) -> Option<[DVec3; 2]> {
         let (from, to) = (self.normal.dot(a), self.normal.dot(b));
         match (from > 0.0, to > 0.0) {
-            (true, true) => self.edges.push([a, b]),
-            (false, false) => (),
+            (true, true) => Some([a, b]),
+            (false, false) => None,
             (leaves, _) => {
                 let crossing = a + (b - a) * (from / (from - to));
                 if leaves {
-                    self.edges.push([a, crossing]);
                     self.exits.push(crossing);
+                    Some([a, crossing])
                 } else {
-                    self.edges.push([crossing, b]);
                     self.entries.push(crossing);
+                    Some([crossing, b])
                 }
             }
         }
     }
 
-    /// The closed outline; `None` when nothing is above the horizon.
-    pub(super) fn finish(self) -> Option<Contour> {
-        let Self { normal, mut edges, exits, entries } = self;
+    /// The edges along it that close what was clipped.
+    fn closing(self) -> impl Iterator<Item = [DVec3; 2]> {
         // A convex body cuts the horizon in one arc of less than half a turn, so that it does not matter which exit is
         // joined to which entry if rounding makes more than one of each.
-        edges.extend(exits.into_iter().zip(entries).map(|(exit, entry)| [exit, entry]));
+        self.exits.into_iter().zip(self.entries).map(|(exit, entry)| [exit, entry])
+    }
+}
+
+/// What [`Contour::irradiance`] is for the outline of these edges, relative to a receiver with this unit normal.
+pub(super) fn irradiance(normal: DVec3, edges: impl Iterator<Item = [DVec3; 2]>) -> f64 {
+    let mut horizon = Horizon::new(normal);
+    let mut sum = DVec3::ZERO;
+    for edge in edges {
+        if let Some([a, b]) = horizon.clip(edge) {
+            sum += arc(a, b).0;
+        }
+    }
+    horizon.closing().for_each(|[exit, entry]| sum += arc(exit, entry).0);
+    -0.5 * normal.dot(sum)
+}
+
+impl Contour {
+    /// The outline of these edges above the horizon of a receiver with this unit normal; `None` when nothing is.
+    pub(super) fn new(normal: DVec3, outline: impl ExactSizeIterator<Item = [DVec3; 2]>) -> Option<Self> {
+        let mut horizon = Horizon::new(normal);
+        let mut edges = Vec::with_capacity(outline.len() + 1);
+        outline.for_each(|edge| edges.extend(horizon.clip(edge)));
+        edges.extend(horizon.closing());
         let middle = edges.iter().map(|[a, _]| *a).sum::<DVec3>() / edges.len() as f64;
         let (mut sum, mut total) = (0.0, 0.0);
         let mut cumulative = Vec::with_capacity(edges.len());
@@ -81,31 +102,9 @@ impl Clipper {
             cumulative.push(total);
         }
         let irradiance = 0.5 * sum;
-        (irradiance > 0.0 && total > 0.0).then_some(Contour { normal, edges, middle, cumulative, irradiance })
+        (irradiance > 0.0 && total > 0.0).then_some(Self { normal, edges, middle, cumulative, irradiance })
     }
-}
 
-/// The normal of the plane of an edge and the receiver, as long as the angle between the edge's ends, and as long as its
-/// sine.
-#[inline(always)]
-pub(super) fn arc(a: DVec3, b: DVec3) -> (DVec3, DVec3) {
-    // Of the difference, so that digits of close ends are kept.
-    let cross = a.cross(b - a);
-    let sine = cross / (a.length_squared() * b.length_squared()).sqrt();
-    let square = sine.length_squared();
-    let cosine = a.dot(b);
-    if square < SHORT && cosine > 0.0 {
-        // asin(s) / s
-        let series = 1.0
-            + square
-                * (1.0 / 6.0 + square * (3.0 / 40.0 + square * (5.0 / 112.0 + square * (35.0 / 1152.0))));
-        return (sine * series, sine);
-    }
-    let length = cross.length();
-    if length > 0.0 { (cross * (length.atan2(cosine) / length), sine) } else { (DVec3::ZERO, DVec3::ZERO) }
-}
-
-impl Contour {
     /// Irradiance from the inside with unit radiance, W m-2 (Lambert's formula; see `polygon`).
     pub(super) fn irradiance(&self) -> f64 {
         self.irradiance
@@ -131,4 +130,24 @@ impl Contour {
         let own = self.cumulative[chosen] - before;
         (chosen, own / total, ((wanted - before) / own).clamp(0.0, 1.0))
     }
+}
+
+/// The normal of the plane of an edge and the receiver, as long as the angle between the edge's ends, and as long as its
+/// sine.
+#[inline(always)]
+pub(super) fn arc(a: DVec3, b: DVec3) -> (DVec3, DVec3) {
+    // Of the difference, so that digits of close ends are kept.
+    let cross = a.cross(b - a);
+    let sine = cross / (a.length_squared() * b.length_squared()).sqrt();
+    let square = sine.length_squared();
+    let cosine = a.dot(b);
+    if square < SHORT && cosine > 0.0 {
+        // asin(s) / s
+        let series = 1.0
+            + square
+                * (1.0 / 6.0 + square * (3.0 / 40.0 + square * (5.0 / 112.0 + square * (35.0 / 1152.0))));
+        return (sine * series, sine);
+    }
+    let length = cross.length();
+    if length > 0.0 { (cross * (length.atan2(cosine) / length), sine) } else { (DVec3::ZERO, DVec3::ZERO) }
 }

@@ -2,12 +2,13 @@
 //! between two faces that the receiver sees cancel.
 
 use super::alone::ProbePoint;
-use super::contour::{Clipper, Contour, arc};
+use super::contour::{self, Contour, arc};
 use super::flux::{self, Flux};
 use super::local::Local;
 use super::shadow::Query;
 use super::silhouette::{ON_FACE, Silhouette};
 use super::solid::Solid;
+use super::surroundings::Surroundings;
 use super::view::{LightSample, View};
 use crate::accel::offset_origin;
 use crate::math::{Rng, cosine_hemisphere, uniform_triangle};
@@ -40,6 +41,7 @@ pub(super) struct ConvexLight {
     probes: Vec<Vec3>,
     /// Runs of its triangles' numbers, ascending.
     primitives: Vec<Range<PrimitiveId>>,
+    surroundings: Surroundings,
     pub(super) radiance: Vec3,
     two_sided: bool,
 }
@@ -51,13 +53,16 @@ impl ConvexLight {
         let material = &scene.materials[solid.material as usize];
         let centre = (low.as_dvec3() + high.as_dvec3()) * 0.5;
         let area: f64 = solid.triangles.iter().map(|&t| 0.5 * doubled_area(scene, t)).sum();
+        let primitives = runs(&solid.triangles);
+        let surroundings = Surroundings::new(scene, low, high, |primitive| contains(&primitives, primitive));
         Self {
             silhouette: Silhouette::new(&solid.edges, centre),
             centre,
             radius: ends().map(|v| v.as_dvec3().distance(centre)).fold(0.0, f64::max),
             mean_radius_squared: area / (4.0 * PI),
             probes: probes(scene, &solid.triangles, centre.as_vec3()),
-            primitives: runs(&solid.triangles),
+            primitives,
+            surroundings,
             radiance: material.emission,
             two_sided: material.two_sided,
         }
@@ -72,7 +77,12 @@ impl ConvexLight {
 
     /// Irradiance with radiance 1, shadows apart.
     pub(super) fn irradiance(&self, local: &Local) -> f64 {
-        self.region(local).map_or(0.0, |region| region.irradiance())
+        let edges = self.silhouette.edges(local.origin());
+        match edges.len() {
+            0 if self.surrounds(local) => PI,
+            0 => 0.0,
+            _ => contour::irradiance(local.normal(), edges).max(0.0),
+        }
     }
 
     /// [`Self::irradiance`] at many receivers, to 1e-4 of what surfaces facing the light get.
@@ -123,9 +133,7 @@ impl ConvexLight {
         if edges.len() == 0 {
             return self.surrounds(local).then_some(Region::Hemisphere);
         }
-        let mut clipper = Clipper::new(local.normal(), edges.len());
-        edges.for_each(|edge| clipper.push(edge));
-        clipper.finish().map(Region::Contour)
+        Contour::new(local.normal(), edges).map(Region::Contour)
     }
 
     /// From inside, a two-sided light fills the whole hemisphere.
@@ -151,13 +159,21 @@ impl ConvexLight {
         // A receiver far outside has coordinates too coarse for rays to start from.
         let far = (point - here).length_squared() > BEYOND * BEYOND;
         let start = if far { point - direction * BEYOND } else { here };
-        query.accel.first_primitive(start, point - start, 1.0).is_none_or(|hit| self.owns(hit))
+        match self.surroundings.entry(start, point) {
+            Some(entry) => !query.accel.occluded(start, point - start, entry),
+            None => query.accel.first_primitive(start, point - start, 1.0).is_none_or(|hit| self.owns(hit)),
+        }
     }
 
     fn owns(&self, primitive: PrimitiveId) -> bool {
-        let after = self.primitives.partition_point(|run| run.start <= primitive);
-        after > 0 && self.primitives[after - 1].contains(&primitive)
+        contains(&self.primitives, primitive)
     }
+}
+
+/// Whether a number is in one of the ascending runs.
+fn contains(runs: &[Range<PrimitiveId>], number: PrimitiveId) -> bool {
+    let after = runs.partition_point(|run| run.start <= number);
+    after > 0 && runs[after - 1].contains(&number)
 }
 
 /// Points on triangles, uniformly by area, drawn towards `centre` so that rays to them pass through the surface.

@@ -21,6 +21,7 @@ pub(crate) mod sequence;
 mod shadow;
 mod silhouette;
 mod solid;
+mod surroundings;
 mod view;
 
 pub use alone::{LightAlone, LightSeen, Visibility};

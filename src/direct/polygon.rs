@@ -1,6 +1,7 @@
 //! Irradiance from a convex polygon of uniform radiance: Lambert's formula with exact horizon clipping.
 
 use super::alone::ProbePoint;
+use super::contour;
 use super::local::Local;
 use super::patch::{INSET, Patch};
 use super::view::{LightSample, View};
@@ -107,7 +108,13 @@ impl PolygonLight {
 
     /// Irradiance with radiance 1, shadows apart.
     pub(super) fn irradiance(&self, local: &Local) -> f64 {
-        self.clipped(local).map_or(0.0, |clipped| lambert(clipped.corners()))
+        if !self.shines_at(self.height(local.origin())) {
+            return 0.0;
+        }
+        let corner = |i: usize| self.corners[i] - local.origin();
+        let last = self.corners.len() - 1;
+        let edges = (0..=last).map(|i| [corner(i), corner(if i == last { 0 } else { i + 1 })]);
+        contour::irradiance(local.normal(), edges).abs()
     }
 
     /// The point at a point of the unit square, uniformly by area.
@@ -133,11 +140,15 @@ impl PolygonLight {
         self.normal.dot(point - self.corners[0])
     }
 
+    /// Whether a receiver this far in front of the plane is on a side that emits.
+    fn shines_at(&self, height: f64) -> bool {
+        height > IN_PLANE || (self.two_sided && height < -IN_PLANE)
+    }
+
     /// The part above the receiver's horizon, when the receiver is on a side that emits.
     fn clipped(&self, local: &Local) -> Option<LocalPolygon> {
-        let height = self.height(local.origin());
-        let lit = height > IN_PLANE || (self.two_sided && height < -IN_PLANE);
-        lit.then(|| LocalPolygon::above_horizon(self.corners.iter().map(|c| local.point(*c))))
+        self.shines_at(self.height(local.origin()))
+            .then(|| LocalPolygon::above_horizon(self.corners.iter().map(|c| local.point(*c))))
     }
 }
 

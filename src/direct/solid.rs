@@ -128,25 +128,43 @@ fn is_convex(triangles: &[[Vec3; 3]]) -> bool {
         };
     }
     let slack = FLATNESS * 0.5 * (bounds[0].1 - bounds[0].0).length();
-    let reaches = |plane: &Plane, low: Vec3, high: Vec3| {
-        let furthest = Vec3::select(plane.normal.as_vec3().cmpgt(Vec3::ZERO), high, low);
-        plane.normal.dot(furthest.as_dvec3()) - plane.offset > f64::from(slack)
-    };
-    triangles.par_iter().with_min_len(256).all(|triangle| {
+    let middle = ((bounds[0].0 + bounds[0].1) * 0.5).as_dvec3();
+    let spans: Vec<Span> = bounds.iter().map(|&(low, high)| Span::new(low, high, middle)).collect();
+    let behind_all = |stack: &mut Vec<u32>, triangle: &[Vec3; 3]| {
         let plane = plane(triangle);
-        let mut stack = vec![0];
+        let normal = plane.normal.as_vec3();
+        // Rounding of a box's place is a millionth of the body's size, of which the slack is a hundred.
+        let limit = (plane.offset - plane.normal.dot(middle)) as f32 + 0.9 * slack;
+        let reaches = |corner: Vec3| plane.normal.dot(corner.as_dvec3()) - plane.offset > f64::from(slack);
+        stack.clear();
+        stack.push(0);
         while let Some(node) = stack.pop() {
-            let (low, high) = bounds[node as usize];
             match tree.nodes[node as usize] {
-                _ if !reaches(&plane, low, high) => (),
+                _ if spans[node as usize].furthest(normal) <= limit => (),
                 ClusterNode::Inner(child) => stack.extend([child, child + 1]),
-                ClusterNode::Leaf(i) => {
-                    if triangles[i as usize].iter().any(|&corner| reaches(&plane, corner, corner)) {
-                        return false;
-                    }
-                }
+                ClusterNode::Leaf(i) if triangles[i as usize].into_iter().any(reaches) => return false,
+                ClusterNode::Leaf(_) => (),
             }
         }
         true
-    })
+    };
+    triangles.par_iter().with_min_len(256).map_init(Vec::new, behind_all).all(|behind| behind)
+}
+
+/// A box, relative to the middle of a body.
+struct Span {
+    centre: Vec3,
+    half: Vec3,
+}
+
+impl Span {
+    fn new(low: Vec3, high: Vec3, middle: DVec3) -> Self {
+        let centre = (low.as_dvec3() + high.as_dvec3()) * 0.5 - middle;
+        Self { centre: centre.as_vec3(), half: (high - low) * 0.5 }
+    }
+
+    /// The largest product of a vector with a point of the box.
+    fn furthest(&self, direction: Vec3) -> f32 {
+        direction.dot(self.centre) + direction.abs().dot(self.half)
+    }
 }

@@ -43,6 +43,8 @@ pub struct View {
     forward: Vec3,
     right: Vec3,
     up: Vec3,
+    /// Its product with a vector from the camera is the width of a pixel there.
+    widening: Vec3,
     /// Picture width, pixels.
     pub width: u32,
     /// Picture height, pixels.
@@ -60,11 +62,13 @@ impl View {
         } else {
             camera.up
         };
+        let (forward, right) = (camera.forward.as_vec3(), camera.right.as_vec3());
         Self {
             origin: scene.normalisation.point(camera.position),
-            forward: camera.forward.as_vec3(),
-            right: camera.right.as_vec3(),
+            forward,
+            right,
             up: up.as_vec3(),
+            widening: forward * (2.0 * right.length() / (width as f32 * forward.length_squared())),
             width,
             height,
             samples,
@@ -102,8 +106,7 @@ impl View {
 
     /// Width of a pixel at a point, scene units: what is one pixel wide where it faces the camera.
     pub fn footprint(&self, point: Vec3) -> f32 {
-        let along = (point - self.origin).dot(self.forward) / self.forward.length_squared();
-        along.abs().max(f32::MIN_POSITIVE) * 2.0 * self.right.length() / self.width as f32
+        (point - self.origin).dot(self.widening).abs().max(f32::MIN_POSITIVE)
     }
 
     /// Distance between the points of neighbouring pixels, scene units: the geometric mean of the two directions on a surface
@@ -142,6 +145,7 @@ impl View {
     }
 
     /// `at` is in pixels from the upper left corner.
+    #[inline]
     fn trace(&self, accel: &Accel, at: Vec2, stream: u64) -> Option<ShadingPoint> {
         let s = 2.0 * at.x / self.width as f32 - 1.0;
         let t = 1.0 - 2.0 * at.y / self.height as f32;

@@ -13,6 +13,8 @@ use std::ops::Range;
 
 /// Normals that differ by more than this (length of the difference, about 10 degrees) show an edge.
 const EDGE_TURN: f32 = 0.17;
+/// Pixels that a worker takes at a time, at least.
+const PORTION: usize = 1024;
 /// Surfaces that lie further apart than this many pixel widths, across the surface, are different ones.
 const EDGE_STEP: f32 = 1.0;
 
@@ -39,7 +41,7 @@ impl Visible {
     pub fn trace(view: &View, accel: &Accel, rows: Range<u32>) -> Result<Self> {
         let middles = Middles::trace(view, accel, rows.clone())?;
         if view.samples == 1 {
-            return Ok(Self::of_middles(middles));
+            return Ok(Self::with_refined(middles, &[]));
         }
         let edges: Vec<u32> = (0..middles.points.len() as u32)
             .into_par_iter()
@@ -52,32 +54,23 @@ impl Visible {
         Ok(Self::with_refined(middles, &refined))
     }
 
-    fn of_middles(middles: Middles) -> Self {
-        Self::with_refined(middles, &[])
-    }
-
     fn with_refined(middles: Middles, refined: &[Refined]) -> Self {
-        let Middles { width, rows, points: found } = middles;
-        let mut visible = Self { width, rows, ..Self::default() };
-        visible.points.reserve(found.len() + refined.iter().map(|r| r.points.len()).sum::<usize>());
-        visible.shares.reserve(visible.points.capacity());
-        visible.starts.reserve(found.len() + 1);
+        let count = middles.points.len() + refined.iter().map(|r| r.points.len()).sum::<usize>();
+        let mut starts = Vec::with_capacity(middles.points.len() + 1);
+        // Where each point comes from, so that all threads can copy them.
+        let mut places: Vec<(&ShadingPoint, f32)> = Vec::with_capacity(count);
         let mut refined = refined.iter().flat_map(Refined::pixels).peekable();
-        for (pixel, middle) in found.into_iter().enumerate() {
-            visible.starts.push(visible.points.len() as u32);
+        for (pixel, middle) in middles.points.iter().enumerate() {
+            starts.push(places.len() as u32);
             match refined.next_if(|r| r.pixel as usize == pixel) {
-                Some(edge) => {
-                    visible.points.extend_from_slice(edge.points);
-                    visible.shares.extend_from_slice(edge.shares);
-                }
-                None => {
-                    visible.points.extend(middle);
-                    visible.shares.extend(middle.map(|_| 1.0));
-                }
+                Some(edge) => places.extend(edge.points.iter().zip(edge.shares.iter().copied())),
+                None => places.extend(middle.iter().map(|point| (point, 1.0))),
             }
         }
-        visible.starts.push(visible.points.len() as u32);
-        visible
+        starts.push(places.len() as u32);
+        let places = places.par_iter().with_min_len(4096);
+        let (points, shares) = places.map(|&(point, share)| (*point, share)).unzip();
+        Self { width: middles.width, rows: middles.rows, points, shares, starts }
     }
 
     /// Number of pixels.
@@ -113,14 +106,13 @@ impl Middles {
     fn trace(view: &View, accel: &Accel, rows: Range<u32>) -> Result<Self> {
         let width = view.width;
         let count = width as usize * (rows.end - rows.start) as usize;
-        let mut points = vec![None; count];
-        points.par_chunks_mut(width as usize).zip(rows.clone().into_par_iter()).try_for_each(
-            |(row, y)| {
-                interrupt::check()?;
-                (0..width).zip(row).for_each(|(x, point)| *point = view.trace_middle(accel, x, y));
-                Ok(())
-            },
-        )?;
+        let trace = |pixel: u32| {
+            let (x, y) = (pixel % width, rows.start + pixel / width);
+            interrupt::check().ok().and_then(|()| view.trace_middle(accel, x, y))
+        };
+        // Collected, memory is touched for the first time by the thread that fills it.
+        let points = (0..count as u32).into_par_iter().with_min_len(PORTION).map(trace).collect();
+        interrupt::check()?;
         Ok(Self { width, rows, points })
     }
 
@@ -128,11 +120,12 @@ impl Middles {
     fn on_edge(&self, view: &View, pixel: u32) -> bool {
         let (x, row) = (pixel % self.width, pixel / self.width);
         let own = self.points[pixel as usize].as_ref();
+        let footprint = own.map_or(0.0, |own| view.footprint(own.position));
         let differs = |x: u32, row: u32| {
             let other = self.points.get((row * self.width + x) as usize).and_then(Option::as_ref);
             match (own, other) {
                 (None, None) => false,
-                (Some(a), Some(b)) => !same_surface(a, b, view.footprint(a.position)),
+                (Some(a), Some(b)) => !same_surface(a, b, footprint),
                 _ => true,
             }
         };

@@ -6,7 +6,7 @@ use crate::direct::sequence::Sequence;
 use glam::Vec2;
 
 /// Pixels along the edge of a tile whose pixels divide stratified samples among them, as a power of two.
-const TILE: u32 = 2;
+pub const TILE: u32 = 2;
 
 /// The sequence of one light.
 #[derive(Debug, Clone, Copy)]

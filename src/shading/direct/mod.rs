@@ -38,14 +38,13 @@ pub fn direct_light(
     settings: &Settings,
     visible: &Visible,
 ) -> Result<Vec<DirectLight>> {
-    let mut light = vec![DirectLight::default(); visible.points.len()];
     if settings.emitters == Emitters::Gather {
-        return Ok(light);
+        return Ok(vec![DirectLight::default(); visible.points.len()]);
     }
     let scene = Lit { world, view, settings, visible };
     let apart = world.lights.one_by_one(&world.accel);
     let sharing = apart.is_some();
-    scene.shade_each_point(&mut light, |point| !sharing || scene.is_glossy(point))?;
+    let mut light = scene.shade_each_point(|point| !sharing || scene.is_glossy(point))?;
     if let Some(lights) = apart {
         let hood = Hood::new(visible);
         for one in lights {
@@ -80,7 +79,7 @@ struct Shadowed {
 
 impl<'a> Lit<'a> {
     /// One light by itself, for all points that are not glossy.
-    fn visibility(&self, hood: &Hood, light: LightAlone) -> Shadowed {
+    fn visibility(&self, hood: &Hood, light: LightAlone<'a>) -> Shadowed {
         let mut answers = Answers::probe(self, hood, light);
         let mixed = answers.disagreements(self, hood, light);
         let (wide, edges) = mixed.split(light);
@@ -98,21 +97,15 @@ impl<'a> Lit<'a> {
     }
 
     /// The way that keeps nothing in common between points: all rays of all lights at each of the chosen ones.
-    fn shade_each_point(
-        &self,
-        light: &mut [DirectLight],
-        chosen: impl Fn(&ShadingPoint) -> bool + Sync,
-    ) -> Result<()> {
-        let points = self.visible.points.par_iter();
-        points.zip(light).with_min_len(PORTION).filter(|(point, _)| chosen(point)).try_for_each(
-            |(point, light)| {
-                interrupt::check()?;
-                if !point.black {
-                    *light = self.shade(point);
-                }
-                Ok(())
-            },
-        )
+    fn shade_each_point(&self, chosen: impl Fn(&ShadingPoint) -> bool + Sync) -> Result<Vec<DirectLight>> {
+        let light = |point: &ShadingPoint| match point.black || !chosen(point) || interrupt::check().is_err()
+        {
+            true => DirectLight::default(),
+            false => self.shade(point),
+        };
+        let light = self.visible.points.par_iter().with_min_len(PORTION).map(light).collect();
+        interrupt::check()?;
+        Ok(light)
     }
 
     fn shade(&self, point: &ShadingPoint) -> DirectLight {

@@ -1,15 +1,24 @@
 //! Wide penumbras: a few rays a pixel, averaged over neighbours by a linear fit.
 
+use super::super::points::ShadingPoint;
+use super::super::visible::same_surface;
 use super::hood::{Hood, Neighbour, REACH};
-use super::interleaved::Interleaved;
+use super::interleaved::{Interleaved, TILE};
 use super::probe::Answers;
 use super::{Lit, PORTION, lit_point};
-use crate::direct::{LightAlone, Visibility};
+use crate::direct::{LightAlone, LightSeen, Visibility};
 use glam::{Mat3, Vec2, Vec3, Vec3Swizzles};
 use rayon::prelude::*;
 
 /// The part of a point's rays that it traces when it shares them with its neighbours, of which there are sixteen in effect.
 const PART: u32 = 4;
+
+/// Points that a worker takes at a time.
+const VIEWED: usize = 64;
+
+/// Normals that differ by less (length of the difference) belong to a surface that is flat enough to share a view of a light:
+/// cosines err by no more than this.
+const FLAT: f32 = 0.005;
 
 /// What a linear fit misses of a penumbra that is as wide as the neighbourhood, relative to the change of visibility: about
 /// a fifth at the worst. Own rays miss about 0.32 / n^(3/4), the standard deviation of n stratified samples of an edge. Where both are
@@ -36,10 +45,10 @@ pub fn across(gradient: Vec2) -> f32 {
 }
 
 /// Finds the visibility at points that have their pixels to themselves; returns those where it changes too quickly.
-pub fn average(
-    lit: &Lit,
+pub fn average<'a>(
+    lit: &Lit<'a>,
     hood: &Hood,
-    light: LightAlone,
+    light: LightAlone<'a>,
     answers: &mut Answers,
     points: &[u32],
 ) -> Vec<Steep> {
@@ -76,19 +85,52 @@ pub fn average(
 }
 
 /// Some rays at each point; weights are relative to their mean.
-fn trace(lit: &Lit, hood: &Hood, light: LightAlone, points: &[u32]) -> Vec<Visibility> {
+fn trace<'a>(lit: &Lit<'a>, hood: &Hood, light: LightAlone<'a>, points: &[u32]) -> Vec<Visibility> {
     let rays = lit.settings.light_samples.div_ceil(PART);
     let spread = Interleaved::new(lit.settings.seed, light.number);
-    let trace = |&i: &u32| {
-        let receiver = lit_point(&lit.visible.points[i as usize]);
-        let place = hood.place(i as usize);
-        let mut tally = Visibility::default();
-        if let Some(seen) = light.seen_from(&receiver) {
-            (0..rays).for_each(|ray| seen.trace(&receiver, spread.point(place, ray), &mut tally));
-        }
-        Visibility { all: tally.all / rays as f32, arrived: tally.arrived / rays as f32 }
+    let trace = |points: &[u32]| {
+        let mut views = Views { light, last: None };
+        let trace = |&i: &u32| {
+            let (point, place) = (&lit.visible.points[i as usize], hood.place(i as usize));
+            let mut tally = Visibility::default();
+            if let Some(seen) = views.seen_from(point, place, lit.view.footprint(point.position)) {
+                let receiver = lit_point(point);
+                (0..rays).for_each(|ray| seen.trace(&receiver, spread.point(place, ray), &mut tally));
+            }
+            Visibility { all: tally.all / rays as f32, arrived: tally.arrived / rays as f32 }
+        };
+        points.iter().map(trace).collect::<Vec<_>>()
     };
-    points.par_iter().with_min_len(16).map(trace).collect()
+    // Portions of a size of their own, so that who shares what does not depend on the number of threads.
+    points.par_chunks(VIEWED).flat_map_iter(trace).collect()
+}
+
+/// A light as the points of a row see it one after the other: making ready costs more than a ray.
+struct Views<'a> {
+    light: LightAlone<'a>,
+    /// Whose view it is, and where that point is in the picture.
+    last: Option<(&'a ShadingPoint, [u32; 2], LightSeen<'a>)>,
+}
+
+impl<'a> Views<'a> {
+    /// What a point sees of the light, or a point a few pixels to its left on the same flat surface; `None` where nothing
+    /// shines. `footprint` is the width of its pixel, scene units.
+    fn seen_from(
+        &mut self,
+        point: &'a ShadingPoint,
+        place: [u32; 2],
+        footprint: f32,
+    ) -> Option<&LightSeen<'a>> {
+        let shared = self.last.as_ref().is_some_and(|(owner, at, _)| {
+            let near = at[1] == place[1] && at[0] >> TILE == place[0] >> TILE;
+            let flat = owner.shading_normal.distance_squared(point.shading_normal) < FLAT * FLAT;
+            near && flat && same_surface(owner, point, footprint)
+        });
+        if !shared {
+            self.last = self.light.seen_from(&lit_point(point)).map(|seen| (point, place, seen));
+        }
+        self.last.as_ref().map(|(.., seen)| seen)
+    }
 }
 
 /// Weighted least squares for visibility as a linear function of the place in the picture.

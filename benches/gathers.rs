@@ -4,13 +4,20 @@
 //! the points of a 500 x 500 view of the measured Cornell box, default settings, on the CPU. Three orders of the same points
 //! are compared (Wang et al. 2012): ours, that of the picture, and none at all; groups hold up to 16 points in each.
 //! `cargo bench --bench gathers -- N...` draws N x N faces instead of 8 x 8.
+//!
+//! With `SURFLUX_BENCH_DEVICE` set (to what `--device` takes), that Vulkan device draws instead, once and as two devices that
+//! take turns, at the points of the picture's middle quarter and in our order.
 
 use glam::DVec3;
+use std::ops::Range;
 use std::time::{Duration, Instant};
 use surflux::error::Result;
-use surflux::gather::device::DeviceRequest;
+use surflux::gather::Gatherer;
+use surflux::gather::crew::Crew;
+use surflux::gather::device::{Chosen, DeviceRequest, choose};
 use surflux::gather::order::{compact_order, in_batches};
 use surflux::gather::stage::gather_all;
+use surflux::gather::vulkan::{VulkanGatherer, VulkanSettings};
 use surflux::hemicube::frame::Receiver;
 use surflux::math::hash32;
 use surflux::run::Run;
@@ -43,10 +50,30 @@ fn main() -> Result<()> {
         let settings =
             Settings { device: DeviceRequest::Cpu, face_resolution: resolution, ..Settings::default() };
         let world = cornell_box(&settings)?;
-        let receivers = shading_points(&world)?;
-        for (name, order) in [("compact", compact_order as Order), ("picture", picture), ("random", random)] {
-            row(name, &world, &settings, &receivers, order)?;
+        if let Ok(device) = std::env::var("SURFLUX_BENCH_DEVICE") {
+            vulkan_rows(&device, &world, &settings)?;
+            continue;
         }
+        let receivers = shading_points(&world, 0..PICTURE)?;
+        for (name, order) in [("compact", compact_order as Order), ("picture", picture), ("random", random)] {
+            row(name, &world, &settings, &receivers, order, || world.gatherer(&settings))?;
+        }
+    }
+    Ok(())
+}
+
+fn vulkan_rows(device: &str, world: &World, settings: &Settings) -> Result<()> {
+    let Ok(request) = device.parse::<DeviceRequest>();
+    let Chosen::Vulkan(index) = choose(&request)?.device else { return Ok(()) };
+    let receivers = shading_points(world, PICTURE * 3 / 8..PICTURE * 5 / 8)?;
+    let drawables = &world.drawables;
+    let vulkan = VulkanSettings { resolution: settings.face_resolution, ..VulkanSettings::default() };
+    let open = |_| VulkanGatherer::new(index, &drawables.splats, drawables.shape, vulkan);
+    for (name, devices) in [("one device", 1), ("two devices", 2)] {
+        row(name, world, settings, &receivers, compact_order, || {
+            let members = (0..devices).map(open).collect::<Result<_>>()?;
+            Ok(Box::new(Crew::new(members)) as Box<dyn Gatherer>)
+        })?;
     }
     Ok(())
 }
@@ -56,16 +83,18 @@ fn cornell_box(settings: &Settings) -> Result<World> {
     World::prepare(Scene::new(&description)?, None, settings, &Run::default())
 }
 
-fn shading_points(world: &World) -> Result<Vec<Receiver>> {
+/// Points that the camera sees in some of the picture's columns.
+fn shading_points(world: &World, columns: Range<u32>) -> Result<Vec<Receiver>> {
     let (from, at) = (DVec3::new(278.0, 273.0, -800.0), DVec3::new(278.0, 273.0, 0.0));
     let camera = Camera::look_at(from, at, DVec3::Y, 39.3077)?;
     let view = View::new(&world.scene, &camera, PICTURE, PICTURE, 1, 0);
-    let receiver = |pixel: u32| {
-        let point = view.trace_middle(&world.accel, pixel % PICTURE, pixel / PICTURE)?;
+    let receiver = |(x, y): (u32, u32)| {
+        let point = view.trace_middle(&world.accel, x, y)?;
         let receiver = world.receiver(point.position, point.shading_normal, point.gather_seed(0));
         (!point.black).then_some(receiver)
     };
-    Ok((0..PICTURE * PICTURE).filter_map(receiver).collect())
+    let pixels = (0..PICTURE).flat_map(|y| columns.clone().map(move |x| (x, y)));
+    Ok(pixels.filter_map(receiver).collect())
 }
 
 fn picture(receivers: &[Receiver]) -> Vec<u32> {
@@ -89,9 +118,16 @@ struct Pass {
     nodes: usize,
 }
 
-fn row(name: &str, world: &World, settings: &Settings, receivers: &[Receiver], order: Order) -> Result<()> {
-    let passes: Vec<Pass> =
-        (0..REPEATS).map(|_| pass(world, settings, receivers, order)).collect::<Result<_>>()?;
+fn row<'a>(
+    name: &str,
+    world: &World,
+    settings: &Settings,
+    receivers: &[Receiver],
+    order: Order,
+    gatherer: impl Fn() -> Result<Box<dyn Gatherer + 'a>>,
+) -> Result<()> {
+    let measure = |_| pass(world, settings, receivers, order, gatherer()?.as_mut());
+    let passes: Vec<Pass> = (0..REPEATS).map(measure).collect::<Result<_>>()?;
     let Some(best) = passes.into_iter().min_by_key(|p| p.cutting + p.gathering) else { return Ok(()) };
     let count = receivers.len() as f64;
     let each = |time: Duration| time.as_secs_f64() * 1e6 / count;
@@ -107,8 +143,13 @@ fn row(name: &str, world: &World, settings: &Settings, receivers: &[Receiver], o
     Ok(())
 }
 
-fn pass(world: &World, settings: &Settings, receivers: &[Receiver], order: Order) -> Result<Pass> {
-    let mut gatherer = world.gatherer(settings)?;
+fn pass(
+    world: &World,
+    settings: &Settings,
+    receivers: &[Receiver],
+    order: Order,
+    gatherer: &mut dyn Gatherer,
+) -> Result<Pass> {
     let convolver = world.convolver();
     let cut = CutSettings { lod: settings.lod, resolution: settings.face_resolution };
     let mut pass =
@@ -121,7 +162,7 @@ fn pass(world: &World, settings: &Settings, receivers: &[Receiver], order: Order
         let groups = ordered.batches.iter().flat_map(|batch| &batch.groups);
         pass.nodes += groups.map(|g| g.receivers as usize * g.drawables as usize).sum::<usize>();
         let start = Instant::now();
-        gather_all(gatherer.as_mut(), ordered.batches, &Run::default(), |gathered| {
+        gather_all(gatherer, ordered.batches, &Run::default(), |gathered| {
             std::hint::black_box(convolve(gathered, &convolver));
             Ok(())
         })?;

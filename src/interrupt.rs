@@ -27,5 +27,10 @@ pub fn install() {
 /// # Errors
 /// [`Error::Interrupted`] once the user has pressed Ctrl-C.
 pub fn check() -> Result<()> {
-    if REQUESTED.load(Ordering::Relaxed) { Err(Error::Interrupted) } else { Ok(()) }
+    if requested() { Err(Error::Interrupted) } else { Ok(()) }
+}
+
+/// Whether the user has pressed Ctrl-C: for loops that leave out the rest of their work, and whose caller asks [`check`].
+pub fn requested() -> bool {
+    REQUESTED.load(Ordering::Relaxed)
 }

@@ -5,10 +5,9 @@ use crate::direct::Lights;
 use crate::error::Result;
 use crate::gather::Gatherer;
 use crate::gather::create::{Surfels, choose_device, create};
-use crate::gather::device::{Choice, Chosen};
+use crate::gather::device::Choice;
 use crate::gather::order::{Ordered, order};
 use crate::gather::traced::{TracedSettings, form_factors};
-use crate::gather::vulkan::list_devices;
 use crate::hemicube::convolve::Convolver;
 use crate::hemicube::frame::{RECEIVER_INSIDE, Receiver};
 use crate::hemicube::near_field::NearField;
@@ -232,18 +231,8 @@ impl World {
 
     /// The device for the statistics.
     pub fn device_info(&self) -> DeviceInfo {
-        let listed = match self.device.device {
-            Chosen::Cpu => None,
-            Chosen::Vulkan(index) => list_devices().ok().and_then(|devices| devices.into_iter().nth(index)),
-        };
-        match listed {
-            None => DeviceInfo { name: self.device.name.clone(), kind: "cpu".into(), driver: String::new() },
-            Some(d) => DeviceInfo {
-                name: d.name,
-                kind: d.kind.to_string(),
-                driver: format!("{} {}", d.driver, d.driver_version),
-            },
-        }
+        let Choice { name, kind, driver, .. } = &self.device;
+        DeviceInfo { name: name.clone(), kind: kind.to_string(), driver: driver.clone() }
     }
 
     /// A receiver, flagged when it stands inside a closed mesh.

@@ -4,12 +4,15 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
+mod common;
+
+use common::vulkan::{lavapipe, skip};
 use glam::{Vec2, Vec3};
-use std::io::Write;
 use std::process::Command;
 use surflux::gather::cpu::{CpuGatherer, CpuSettings};
+use surflux::gather::crew::Crew;
 use surflux::gather::vulkan::{
-    BatchSize, DeviceInfo, FacesPerPass, ValidationLog, VulkanGatherer, VulkanSettings, list_devices,
+    BatchSize, FacesPerPass, ValidationLog, VulkanGatherer, VulkanSettings, list_devices,
 };
 use surflux::gather::{Batch, Gatherer, Output};
 use surflux::hemicube::frame::{RECEIVER_INSIDE, Receiver};
@@ -22,25 +25,6 @@ const SWIFTSHADER: &str = "/usr/lib/chromium/vk_swiftshader_icd.json";
 const CHILD_DEVICE: &str = "SURFLUX_TEST_DEVICE";
 const SURFELS: usize = 2000;
 const SHAPES: [SurfelShape; 2] = [SurfelShape::Disc, SurfelShape::Triangle];
-
-/// Says aloud that a test did nothing.
-#[allow(clippy::explicit_write, reason = "the test harness hides what eprintln! writes in tests that pass")]
-fn skip(reason: &str) {
-    writeln!(std::io::stderr(), "SKIPPED: {reason}").unwrap();
-}
-
-fn device(name: &str) -> Option<DeviceInfo> {
-    let found = list_devices().unwrap_or_default().into_iter().find(|device| device.name.contains(name));
-    if found.is_none() {
-        assert!(std::env::var_os("CI").is_none(), "{name} is missing: install mesa-vulkan-drivers");
-        skip(&format!("no Vulkan device {name} here (Debian and Ubuntu: mesa-vulkan-drivers)"));
-    }
-    found
-}
-
-fn lavapipe() -> Option<usize> {
-    device("llvmpipe").map(|device| device.index)
-}
 
 /// A point on an inner wall of the unit cube, and the wall's normal.
 fn wall(rng: &mut Rng) -> (Vec3, Vec3) {
@@ -211,6 +195,26 @@ fn ids_do_not_depend_on_batches_and_validation_is_silent() {
         let log = vulkan.validation_log();
         drop(vulkan);
         assert_silent(&log);
+    }
+}
+
+#[test]
+fn two_devices_draw_the_same_ids_and_validation_is_silent() {
+    let Some(device) = lavapipe() else { return };
+    let (splats, receivers) = (room(500, 6), receivers(1100, 6));
+    let expected = cpu_tiles(&splats, SurfelShape::Disc, 8, &receivers);
+    for batch in [1, 64, 1024] {
+        let batch_size = BatchSize::Fixed(batch);
+        let settings = VulkanSettings { batch: batch_size, validation: true, ..Default::default() };
+        let open = || VulkanGatherer::new(device, &splats, SurfelShape::Disc, settings).unwrap();
+        let members = vec![open(), open()];
+        let logs: Vec<_> = members.iter().map(VulkanGatherer::validation_log).collect();
+        let mut crew = Crew::new(members);
+        assert_eq!((crew.batch_size(), crew.frames_in_flight()), (batch, 6));
+        let wrong = differing(&tiles(&mut crew, &receivers, batch), &expected);
+        assert_eq!(wrong, 0, "batches of {batch}");
+        drop(crew);
+        logs.iter().for_each(assert_silent);
     }
 }
 

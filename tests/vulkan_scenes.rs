@@ -5,9 +5,12 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
+mod common;
+
+use common::vulkan::lavapipe;
 use surflux::gather::cpu::{CpuGatherer, CpuSettings};
 use surflux::gather::stage::gather_all;
-use surflux::gather::vulkan::{VulkanGatherer, VulkanSettings, list_devices};
+use surflux::gather::vulkan::{VulkanGatherer, VulkanSettings};
 use surflux::gather::{Batch, Gatherer, Output};
 use surflux::hemicube::frame::Receiver;
 use surflux::run::Run;
@@ -16,15 +19,6 @@ use surflux::settings::{Settings, SurfelDensity};
 use surflux::shading::points::View;
 use surflux::surfel::cloud::SurfelShape;
 use surflux::world::World;
-
-fn lavapipe() -> Option<usize> {
-    let found = list_devices().unwrap_or_default().into_iter().find(|d| d.name.contains("llvmpipe"));
-    if found.is_none() {
-        assert!(std::env::var_os("CI").is_none(), "lavapipe is missing: install mesa-vulkan-drivers");
-        eprintln!("SKIPPED: no lavapipe here (Debian and Ubuntu: mesa-vulkan-drivers)");
-    }
-    found.map(|d| d.index)
-}
 
 fn world(scene: &str, settings: &Settings) -> (World, View) {
     let description = load(&[format!("scenes/{scene}").into()]).unwrap();

@@ -2,10 +2,11 @@
 
 use super::Gatherer;
 use super::cpu::{CpuGatherer, CpuSettings};
+use super::crew::Crew;
 use super::device::{Choice, Chosen, choose};
 use super::monte_carlo::{MonteCarloGatherer, MonteCarloSettings};
 use super::traced::{TracedGatherer, TracedSettings};
-use super::vulkan::{BatchSize, VulkanGatherer, VulkanSettings};
+use super::vulkan::{BatchSize, DeviceKind, VulkanGatherer, VulkanSettings};
 use crate::accel::Accel;
 use crate::direct::Lights;
 use crate::error::{Error, Result};
@@ -28,7 +29,7 @@ pub fn choose_device(settings: &Settings) -> Result<Choice> {
     match settings.gather {
         GatherMethod::Hemicube => choose(&settings.device),
         GatherMethod::Traced | GatherMethod::MonteCarlo | GatherMethod::None => {
-            Ok(Choice { device: Chosen::Cpu, name: "cpu".into(), reason: "rays run on the CPU".into() })
+            Ok(Choice::cpu("rays run on the CPU"))
         }
     }
 }
@@ -90,9 +91,28 @@ pub fn create<'a>(
                 validation: settings.validation,
                 ..VulkanSettings::default()
             };
-            Box::new(VulkanGatherer::new(index, &drawables.splats, drawables.shape, vulkan)?)
+            open_vulkan(index, drawables, vulkan)?
         }
     })
+}
+
+/// Opens a Vulkan device; a software driver twice, where there are threads for it: it shades vertices on one thread a device,
+/// and that is most of its work.
+fn open_vulkan(
+    index: usize,
+    drawables: &Drawables,
+    settings: VulkanSettings,
+) -> Result<Box<dyn Gatherer + 'static>> {
+    let open = || VulkanGatherer::new(index, &drawables.splats, drawables.shape, settings);
+    let first = open()?;
+    if first.device().kind != DeviceKind::Cpu || rayon::current_num_threads() < 2 {
+        return Ok(Box::new(first));
+    }
+    // Without a second one the picture is the same.
+    match open() {
+        Ok(second) => Ok(Box::new(Crew::new(vec![first, second]))),
+        Err(_) => Ok(Box::new(first)),
+    }
 }
 
 fn cpu_batch(resolution: u32) -> usize {

@@ -51,8 +51,35 @@ pub struct Choice {
     pub device: Chosen,
     /// Its name.
     pub name: String,
+    /// Its kind.
+    pub kind: DeviceKind,
+    /// Its driver and that one's version; empty where there is none.
+    pub driver: String,
     /// Why it was chosen, for one line of output.
     pub reason: String,
+}
+
+impl Choice {
+    /// The built-in rasteriser, or rays.
+    pub fn cpu(reason: impl Into<String>) -> Self {
+        Self {
+            device: Chosen::Cpu,
+            name: "cpu".into(),
+            kind: DeviceKind::Cpu,
+            driver: String::new(),
+            reason: reason.into(),
+        }
+    }
+
+    fn vulkan(device: &DeviceInfo, reason: &str) -> Self {
+        Self {
+            device: Chosen::Vulkan(device.index),
+            name: device.name.clone(),
+            kind: device.kind,
+            driver: format!("{} {}", device.driver, device.driver_version),
+            reason: reason.into(),
+        }
+    }
 }
 
 /// Chooses a device of this machine.
@@ -61,7 +88,7 @@ pub struct Choice {
 /// [`Error::Usage`] when there is no such device, or it cannot draw hemicubes; the message lists what there is.
 pub fn choose(request: &DeviceRequest) -> Result<Choice> {
     match request {
-        DeviceRequest::Cpu => Ok(cpu("asked for")),
+        DeviceRequest::Cpu => Ok(Choice::cpu("asked for")),
         _ => choose_among(request, list_devices()),
     }
 }
@@ -80,7 +107,7 @@ fn choose_among(request: &DeviceRequest, listed: Result<Vec<DeviceInfo>>) -> Res
     }
     let found = match request {
         DeviceRequest::Auto | DeviceRequest::Vulkan => best(&devices),
-        DeviceRequest::Cpu => return Ok(cpu("asked for")),
+        DeviceRequest::Cpu => return Ok(Choice::cpu("asked for")),
         DeviceRequest::Index(index) => devices.get(*index),
         DeviceRequest::Name(name) => by_name(&devices, name),
     };
@@ -92,27 +119,19 @@ fn choose_among(request: &DeviceRequest, listed: Result<Vec<DeviceInfo>>) -> Res
             device.name,
             list(&devices)
         ))),
-        None if *request == DeviceRequest::Vulkan => Ok(vulkan(device, "the best Vulkan device")),
-        None => Ok(vulkan(device, "asked for")),
+        None if *request == DeviceRequest::Vulkan => Ok(Choice::vulkan(device, "the best Vulkan device")),
+        None => Ok(Choice::vulkan(device, "asked for")),
     }
-}
-
-fn cpu(reason: impl Into<String>) -> Choice {
-    Choice { device: Chosen::Cpu, name: "cpu".into(), reason: reason.into() }
-}
-
-fn vulkan(device: &DeviceInfo, reason: &str) -> Choice {
-    Choice { device: Chosen::Vulkan(device.index), name: device.name.clone(), reason: reason.into() }
 }
 
 fn automatic(devices: &[DeviceInfo]) -> Choice {
     match best(devices) {
-        Some(device) if rank(device) > 0 => vulkan(device, "the best hardware GPU"),
-        Some(device) => cpu(format!(
+        Some(device) if rank(device) > 0 => Choice::vulkan(device, "the best hardware GPU"),
+        Some(device) => Choice::cpu(format!(
             "no hardware GPU; {} is a software driver (take it with `--device vulkan`)",
             device.name
         )),
-        None => cpu("no Vulkan device"),
+        None => Choice::cpu("no Vulkan device"),
     }
 }
 

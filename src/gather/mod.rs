@@ -2,6 +2,7 @@
 
 pub mod cpu;
 pub mod create;
+pub mod crew;
 pub mod device;
 pub mod monte_carlo;
 pub mod order;

@@ -164,6 +164,17 @@ fn damaged_files_are_input_errors() {
     }
 }
 
+/// A compressed black picture of three channels: how large it is unpacked, its header alone tells.
+fn compressed(width: usize, height: usize) -> Vec<u8> {
+    use ::exr::prelude::*;
+    let channel = |name| AnyChannel::new(name, FlatSamples::F32(vec![0.0; width * height]));
+    let channels = AnyChannels::sort(["R", "G", "B"].map(channel).into_iter().collect());
+    let layer = Layer::new((width, height), LayerAttributes::default(), Encoding::SMALL_LOSSLESS, channels);
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    Image::from_layer(layer).write().to_buffered(&mut bytes).unwrap();
+    bytes.into_inner()
+}
+
 #[test]
 fn dimensions_beyond_the_file_are_refused_before_allocating() {
     let folder = tempfile::tempdir().unwrap();
@@ -174,7 +185,7 @@ fn dimensions_beyond_the_file_are_refused_before_allocating() {
     assert!(check_dimensions(0, 5, 100).is_err());
 
     // An EXR file whose data window (after its name, type and size) claims 1024 rows instead of 8.
-    let mut bytes = openexr::encode(&Film::new(8192, 8, &[])).unwrap();
+    let mut bytes = compressed(8192, 8);
     let name = b"dataWindow\0box2i\0";
     let window = bytes.windows(name.len()).position(|w| w == name).unwrap() + name.len() + 4;
     assert_eq!(bytes[window + 12..window + 16], 7i32.to_le_bytes());

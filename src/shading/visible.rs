@@ -177,7 +177,7 @@ impl Middles {
     fn refine(&self, view: &View, accel: &Accel, pixels: &[u32]) -> Refined {
         let mut refined = Refined::default();
         let (mut samples, mut groups) = (Vec::with_capacity(view.samples as usize), Vec::new());
-        for &pixel in pixels {
+        for &pixel in pixels.iter().take_while(|_| !interrupt::requested()) {
             let (x, y) = (pixel % self.width, self.rows.start + pixel / self.width);
             samples.clear();
             samples.extend((0..view.samples).filter_map(|sample| view.trace_sample(accel, x, y, sample)));

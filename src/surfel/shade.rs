@@ -1,7 +1,7 @@
 //! Surfels get the radiance that gathers see.
 
 use super::cloud::{FLAG_TWO_SIDED, SurfelCloud};
-use crate::accel::Accel;
+use crate::accel::{Accel, RAY_OFFSET};
 use crate::direct::{Emitters, Lights, LitPoint, PieceLight, Sampling};
 use crate::error::Result;
 use crate::interrupt;
@@ -14,6 +14,9 @@ const FIRST_RAYS: u32 = 2;
 
 /// Surfels before and after one in the list, mostly its neighbours in space, whose first rays must agree with its own.
 const NEIGHBOURS: usize = 6;
+
+/// Surfels within so many radii lie side by side.
+const ADJACENT: f32 = 4.0;
 
 /// How surfels are shaded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -95,6 +98,25 @@ impl Shading<'_> {
             .collect()
     }
 
+    /// Whether a surfel's disc is part of its surface: on a hollow one shadow rays from the disc's rim would start behind it.
+    fn lies_flat(&self, surfel: usize) -> bool {
+        let cloud = self.cloud;
+        let (position, normal) = (cloud.position[surfel], cloud.normal[surfel]);
+        let reach = ADJACENT * cloud.radius[surfel];
+        let mut adjacent = 0;
+        for i in surfel.saturating_sub(NEIGHBOURS)..(surfel + NEIGHBOURS + 1).min(cloud.len()) {
+            let offset = cloud.position[i] - position;
+            if i == surfel || offset.length_squared() > reach * reach {
+                continue;
+            }
+            if offset.dot(normal).abs() > RAY_OFFSET {
+                return false;
+            }
+            adjacent += 1;
+        }
+        adjacent >= 2
+    }
+
     /// Light on a surfel by so many shadow rays a light.
     fn light(&self, surfel: usize, samples: u32) -> PieceLight {
         let cloud = self.cloud;
@@ -110,7 +132,8 @@ impl Shading<'_> {
         let point = LitPoint::flat(cloud.position[surfel], normal);
         let Shading { accel, lights, settings, .. } = self;
         let sampling = Sampling { seed: settings.seed, stream: stream as u64, samples };
-        let radius = inner_radius(cloud.area[surfel], cloud.radius[surfel]);
+        let radius =
+            if self.lies_flat(surfel) { inner_radius(cloud.area[surfel], cloud.radius[surfel]) } else { 0.0 };
         lights.piece_irradiance(accel, &point, radius, sampling).unwrap_or_else(|| {
             let sampling = Sampling { samples: settings.samples, ..sampling };
             PieceLight { irradiance: lights.irradiance(accel, &point, sampling), lit: 0, shaded: 0 }

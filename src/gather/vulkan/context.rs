@@ -1,7 +1,9 @@
 //! The logical device: queue, memory allocator, names.
 
-use super::devices::{self, DeviceInfo};
+use super::devices::{self, DeviceInfo, DeviceKind};
+use super::heap::keep_freed_memory;
 use super::instance::Instance;
+use super::pipeline_cache::Maker;
 use super::validation::ValidationLog;
 use crate::error::{Error, Result};
 use ash::prelude::VkResult;
@@ -25,6 +27,8 @@ pub(super) struct Context {
     pub family: u32,
     /// The device as it is listed.
     pub info: DeviceInfo,
+    /// Whose compiled pipelines it understands.
+    pub maker: Maker,
     /// Its limits.
     pub limits: vk::PhysicalDeviceLimits,
     /// Bytes of its largest own heap.
@@ -34,13 +38,16 @@ pub(super) struct Context {
     names: Option<ext::debug_utils::Device>,
     allocator: Mutex<ManuallyDrop<Allocator>>,
     // Dropped after the device, which `Drop` destroys.
-    _instance: Instance,
+    _instance: Arc<Instance>,
 }
 
 impl Context {
     /// Opens device `index` of the list.
     pub fn new(index: usize, log: Option<&ValidationLog>) -> Result<Arc<Self>> {
-        let instance = Instance::new(log)?;
+        let instance = match log {
+            None => Instance::shared()?,
+            Some(log) => Arc::new(Instance::new(Some(log))?),
+        };
         let physical = devices::physical_devices(&instance)?;
         let &physical = physical.get(index).ok_or_else(|| {
             Error::Usage(format!(
@@ -53,6 +60,9 @@ impl Context {
         if let Some(reason) = &info.unsuitable {
             return Err(Error::Device { device: info.name, message: reason.clone() });
         }
+        if info.kind == DeviceKind::Cpu {
+            keep_freed_memory();
+        }
         let name = info.name.clone();
         Self::open(instance, physical, family, info)
             .map(Arc::new)
@@ -60,7 +70,7 @@ impl Context {
     }
 
     fn open(
-        instance: Instance,
+        instance: Arc<Instance>,
         physical: vk::PhysicalDevice,
         family: u32,
         info: DeviceInfo,
@@ -87,6 +97,7 @@ impl Context {
             queue,
             family,
             info,
+            maker: Maker::new(&properties),
             limits: properties.limits,
             memory_bytes: own.max().unwrap_or_default(),
             timestamp_seconds: timestamps.then(|| f64::from(properties.limits.timestamp_period) * 1e-9),

@@ -59,7 +59,7 @@ pub struct DeviceInfo {
 /// # Errors
 /// When there is no Vulkan loader, or it fails.
 pub fn list_devices() -> Result<Vec<DeviceInfo>> {
-    let instance = Instance::new(None)?;
+    let instance = Instance::shared()?;
     let devices = physical_devices(&instance)?;
     Ok(devices.into_iter().enumerate().map(|(i, device)| describe(&instance, i, device)).collect())
 }

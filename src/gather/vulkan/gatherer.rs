@@ -2,7 +2,7 @@
 
 use super::buffers::Buffer;
 use super::context::{Context, out_of_memory};
-use super::devices::DeviceInfo;
+use super::devices::{DeviceInfo, DeviceKind};
 use super::draws::{Draws, splats_drawn};
 use super::pace::Pace;
 use super::pass::{Pass, passes};
@@ -80,9 +80,10 @@ impl VulkanGatherer {
             .map_err(|result| context.error("copying the surfels", result))?;
         let (slots, largest) = slots(&context, &passes, &settings, parts.len())
             .map_err(|result| context.error("taking memory for hemicubes", result))?;
-        let target = match settings.batch {
-            BatchSize::Auto => AUTO_SECONDS,
-            BatchSize::Fixed(_) => FIXED_SECONDS,
+        let target = match (settings.batch, context.info.kind) {
+            // Nobody kills a software driver, and its batches are small.
+            (BatchSize::Fixed(_), _) | (BatchSize::Auto, DeviceKind::Cpu) => FIXED_SECONDS,
+            (BatchSize::Auto, _) => AUTO_SECONDS,
         };
         Ok(Self {
             settings,

@@ -4,6 +4,7 @@ use super::validation::{self, ValidationLog};
 use crate::error::{Error, Result};
 use ash::{ext, vk};
 use std::ffi::CStr;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// What to do on a machine without Vulkan.
 const ADVICE: &str =
@@ -28,6 +29,19 @@ struct Messenger {
 }
 
 impl Instance {
+    /// The instance that the whole process shares, opened once: loading all drivers of a machine takes a tenth of a second.
+    /// It lives as long as the process does.
+    pub fn shared() -> Result<Arc<Self>> {
+        static SHARED: Mutex<Option<Arc<Instance>>> = Mutex::new(None);
+        let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(instance) = &*shared {
+            return Ok(Arc::clone(instance));
+        }
+        let instance = Arc::new(Self::new(None)?);
+        *shared = Some(Arc::clone(&instance));
+        Ok(instance)
+    }
+
     /// Opens the loader; with `log`, the validation layer writes to it.
     pub fn new(log: Option<&ValidationLog>) -> Result<Self> {
         // SAFETY: loading the system's Vulkan loader runs its initialisers, which is what a Vulkan program must trust.

@@ -9,9 +9,10 @@
 //! | `instance.rs`, `validation.rs` | the loader, the instance, the validation layer's messages |
 //! | `devices.rs` | what devices there are, and what each is good for |
 //! | `context.rs`, `owned.rs` | the logical device; handles that destroy themselves |
-//! | `buffers.rs`, `images.rs` | memory |
+//! | `buffers.rs`, `images.rs`, `heap.rs` | memory; the C library's, for software drivers |
 //! | `vertices.rs` | the vertex formats that the shaders read |
 //! | `pass.rs`, `slot.rs`, `record.rs` | render pass and pipeline; what one frame in flight owns; its commands |
+//! | `pipeline_cache.rs` | compiled pipelines, kept between runs |
 //! | `draws.rs` | which surfels each hemicube draws |
 //! | `pace.rs` | how many hemicubes go into one submit |
 //! | `gatherer.rs` | the [`Gatherer`](super::Gatherer) |
@@ -24,6 +25,7 @@ mod context;
 mod devices;
 mod draws;
 mod gatherer;
+mod heap;
 mod images;
 mod instance;
 #[cfg(test)]
@@ -31,6 +33,7 @@ mod interface_tests;
 mod owned;
 mod pace;
 mod pass;
+mod pipeline_cache;
 mod record;
 mod settings;
 mod slot;

@@ -32,6 +32,7 @@ destroyed_by! {
     Image: destroy_image;
     ImageView: destroy_image_view;
     Pipeline: destroy_pipeline;
+    PipelineCache: destroy_pipeline_cache;
     PipelineLayout: destroy_pipeline_layout;
     QueryPool: destroy_query_pool;
     RenderPass: destroy_render_pass;

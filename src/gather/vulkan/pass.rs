@@ -2,6 +2,7 @@
 
 use super::context::Context;
 use super::owned::Owned;
+use super::pipeline_cache::PipelineCache;
 use super::settings::{FacesPerPass, VulkanSettings};
 use super::vertices;
 use crate::hemicube::cover::{DEPTH_SCALE, EDGE_COS, EDGE_SIN, PLANE_EPSILON, SLACK};
@@ -52,10 +53,11 @@ impl Pass {
         shape: SurfelShape,
         resolution: u32,
         faces: Range<usize>,
+        cache: &PipelineCache,
     ) -> VkResult<Self> {
         let render_pass = render_pass(context, &faces)?;
         let layout = pipeline_layout(context)?;
-        let pipeline = pipeline(context, shape, resolution, render_pass.raw, layout.raw)?;
+        let pipeline = pipeline(context, shape, resolution, (render_pass.raw, layout.raw), cache)?;
         Ok(Self { faces, render_pass, layout, pipeline })
     }
 }
@@ -66,11 +68,14 @@ pub(super) fn passes(
     shape: SurfelShape,
     settings: &VulkanSettings,
 ) -> VkResult<Vec<Pass>> {
-    let pass = |faces| Pass::new(context, shape, settings.resolution, faces);
-    match settings.faces {
-        FacesPerPass::All => Ok(vec![pass(0..FACES)?]),
-        FacesPerPass::One => (0..FACES).map(|face| pass(face..face + 1)).collect(),
-    }
+    let cache = PipelineCache::open(context)?;
+    let pass = |faces| Pass::new(context, shape, settings.resolution, faces, &cache);
+    let passes = match settings.faces {
+        FacesPerPass::All => vec![pass(0..FACES)?],
+        FacesPerPass::One => (0..FACES).map(|face| pass(face..face + 1)).collect::<VkResult<_>>()?,
+    };
+    cache.save(context);
+    Ok(passes)
 }
 
 /// SPIR-V of a shape's vertex and fragment shaders.
@@ -185,8 +190,8 @@ fn pipeline(
     context: &Arc<Context>,
     shape: SurfelShape,
     resolution: u32,
-    render_pass: vk::RenderPass,
-    layout: vk::PipelineLayout,
+    (render_pass, layout): (vk::RenderPass, vk::PipelineLayout),
+    cache: &PipelineCache,
 ) -> VkResult<Owned<vk::Pipeline>> {
     // Shaders and their constants.
     let [vertex, fragment] = shaders(shape);
@@ -245,7 +250,7 @@ fn pipeline(
         .render_pass(render_pass);
     let device = &context.device;
     // SAFETY: everything that `info` points to lives until the call returns; modules may go once the pipeline exists.
-    let made = unsafe { device.create_graphics_pipelines(vk::PipelineCache::null(), &[info], None) };
+    let made = unsafe { device.create_graphics_pipelines(cache.handle.raw, &[info], None) };
     let pipelines = made.map_err(|(_, result)| result)?;
     let raw = pipelines.into_iter().next().ok_or(vk::Result::ERROR_INITIALIZATION_FAILED)?;
     Ok(Owned::new(context, "hemicubes", raw))

@@ -2,6 +2,7 @@
 
 use super::buffers::{Buffer, command_buffer};
 use super::context::{Context, out_of_memory};
+use super::devices::DeviceKind;
 use super::images::{Image, ImageDesc};
 use super::owned::Owned;
 use super::pass::{DEPTH_FORMAT, ID_FORMAT, Pass};
@@ -21,6 +22,9 @@ pub(super) const HIDDEN_ROWS: u32 = 4;
 const FIRST_INDICES: usize = 1 << 16;
 /// Most hemicubes of an automatic batch: larger ones are no faster.
 const MAX_AUTO_BATCH: usize = 1024;
+/// Hemicubes of an automatic batch of a software driver: what they draw stays in the CPU's caches, and a few hundred
+/// gathers are enough for several devices.
+const SOFTWARE_AUTO_BATCH: usize = 128;
 /// Most texels of a layer of an automatic batch: 16 million bytes of images a layer.
 const MAX_AUTO_TEXELS: usize = 1 << 21;
 
@@ -47,7 +51,11 @@ fn bytes_per_hemicube(resolution: u32, parts: usize) -> u64 {
 fn wanted_batch(context: &Context, settings: &VulkanSettings, parts: usize) -> usize {
     let tile = (settings.resolution as usize).pow(2);
     let wanted = match settings.batch {
-        BatchSize::Auto => (MAX_AUTO_TEXELS / tile).min(MAX_AUTO_BATCH),
+        BatchSize::Auto => {
+            let software = context.info.kind == DeviceKind::Cpu;
+            let most = if software { SOFTWARE_AUTO_BATCH } else { MAX_AUTO_BATCH };
+            (MAX_AUTO_TEXELS / tile).min(most)
+        }
         BatchSize::Fixed(n) => n,
     };
     let budget = settings.memory_budget.unwrap_or(context.memory_bytes / 4);

@@ -50,6 +50,7 @@ pub fn direct_light(
         for one in lights {
             interrupt::check()?;
             let seen = scene.visibility(&hood, one);
+            interrupt::check()?;
             light.par_iter_mut().zip(&seen.irradiance).with_min_len(4096).for_each(|(light, factor)| {
                 light.irradiance += one.colour() * *factor;
             });

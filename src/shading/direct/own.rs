@@ -8,6 +8,7 @@ use super::shared::{Fit, Steep, across, steepest};
 use super::{Lit, PORTION, lit_point};
 use crate::direct::sequence::Sequence;
 use crate::direct::{LightAlone, LightSeen, Visibility};
+use crate::interrupt;
 use glam::Vec2;
 use rayon::prelude::*;
 
@@ -74,7 +75,8 @@ pub fn settle(lit: &Lit, hood: &Hood, answers: &mut Answers, edges: &[u32]) {
 }
 
 fn visibility(lit: &Lit, light: LightAlone, point: &ShadingPoint) -> f32 {
-    let Some(seen) = light.seen_from(&lit_point(point)) else {
+    let seen = if interrupt::requested() { None } else { light.seen_from(&lit_point(point)) };
+    let Some(seen) = seen else {
         return 0.0;
     };
     let tally = over_pixel(lit, light, &seen, point);

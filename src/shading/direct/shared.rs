@@ -7,6 +7,7 @@ use super::interleaved::{Interleaved, TILE};
 use super::probe::Answers;
 use super::{Lit, PORTION, lit_point};
 use crate::direct::{LightAlone, LightSeen, Visibility};
+use crate::interrupt;
 use glam::{Mat3, Vec2, Vec3, Vec3Swizzles};
 use rayon::prelude::*;
 
@@ -93,6 +94,9 @@ fn trace<'a>(lit: &Lit<'a>, hood: &Hood, light: LightAlone<'a>, points: &[u32]) 
         let trace = |&i: &u32| {
             let (point, place) = (&lit.visible.points[i as usize], hood.place(i as usize));
             let mut tally = Visibility::default();
+            if interrupt::requested() {
+                return tally;
+            }
             if let Some(seen) = views.seen_from(point, place, lit.view.footprint(point.position)) {
                 let receiver = lit_point(point);
                 (0..rays).for_each(|ray| seen.trace(&receiver, spread.point(place, ray), &mut tally));

@@ -35,16 +35,18 @@ pub fn interpolate(
     tolerance: f32,
 ) -> Result<Vec<Vec3>> {
     let clock = &gathering.run().clock;
-    let lit: Vec<u32> = (0..visible.points.len() as u32)
-        .filter(|&i| gathering.reflects(&visible.points[i as usize]))
-        .collect();
+    let lit: Vec<bool> = visible.points.iter().map(|point| gathering.reflects(point)).collect();
     let mut field = Field::new(view, visible, tolerance);
     for grid in GRIDS {
         interrupt::check()?;
-        let candidates = grid_points(visible, grid, |i| gathering.reflects(&visible.points[i as usize]));
         let wanted: Vec<u32> = clock.time(Stage::Interpolate, || {
-            let fits = field.fit(&candidates);
-            candidates.into_iter().zip(fits).filter(|(_, fit)| fit.distance > 1.0).map(|(i, _)| i).collect()
+            let fits = field.fit(|x, row, points| match points.start {
+                main if !points.is_empty() && lit[main] && on_grid(x, visible.rows.start + row, grid) => {
+                    main..main + 1
+                }
+                main => main..main,
+            });
+            fits.into_iter().flatten().filter(|(_, fit)| fit.distance > 1.0).map(|(i, _)| i).collect()
         });
         let estimates = gather_at(gathering, visible, &wanted)?;
         clock.time(Stage::Interpolate, || field.add(wanted.into_iter().zip(estimates)));
@@ -52,15 +54,21 @@ pub fn interpolate(
     finish(gathering, visible, &field, &lit)
 }
 
+/// Whether a pixel belongs to a grid, and to no coarser one.
+fn on_grid(x: u32, y: u32, grid: u32) -> bool {
+    let on = |grid| x.is_multiple_of(grid) && y.is_multiple_of(grid);
+    on(grid) && (grid == GRIDS[0] || !on(2 * grid))
+}
+
 /// What is further than so many reaches from all records is gathered after all.
 const FARTHEST: f32 = 2.0;
 
 /// The fit everywhere, and gathers where no record is near.
-fn finish(gathering: &mut Gathering, visible: &Visible, field: &Field, lit: &[u32]) -> Result<Vec<Vec3>> {
-    let fits = gathering.run().clock.time(Stage::Interpolate, || field.fit(lit));
+fn finish(gathering: &mut Gathering, visible: &Visible, field: &Field, lit: &[bool]) -> Result<Vec<Vec3>> {
+    let fits = gathering.run().clock.time(Stage::Interpolate, || field.fit(|_, _, points| points));
     let mut irradiance = vec![Vec3::ZERO; visible.points.len()];
     let mut missing = Vec::new();
-    for (&i, fit) in lit.iter().zip(fits) {
+    for (i, fit) in fits.into_iter().flatten().filter(|(i, _)| lit[*i as usize]) {
         match fit.irradiance {
             Some(e) if fit.distance < FARTHEST => irradiance[i as usize] = e,
             _ => missing.push(i),
@@ -74,22 +82,4 @@ fn finish(gathering: &mut Gathering, visible: &Visible, field: &Field, lit: &[u3
 fn gather_at(gathering: &mut Gathering, visible: &Visible, points: &[u32]) -> Result<Vec<Estimate>> {
     let points: Vec<ShadingPoint> = points.iter().map(|&i| visible.points[i as usize]).collect();
     gathering.gather(&points, None)
-}
-
-/// The main points of every `grid`-th pixel that no coarser grid held.
-fn grid_points(visible: &Visible, grid: u32, reflects: impl Fn(u32) -> bool) -> Vec<u32> {
-    let coarser = 2 * grid;
-    let known = |x: u32, y: u32| grid != GRIDS[0] && x.is_multiple_of(coarser) && y.is_multiple_of(coarser);
-    let mut points = Vec::new();
-    for row in 0..visible.height() {
-        let y = visible.rows.start + row;
-        if !y.is_multiple_of(grid) {
-            continue;
-        }
-        let columns = (0..visible.width).step_by(grid as usize).filter(|&x| !known(x, y));
-        points.extend(
-            columns.filter_map(|x| visible.main_point(x, row)).map(|i| i as u32).filter(|&i| reflects(i)),
-        );
-    }
-    points
 }

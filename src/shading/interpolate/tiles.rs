@@ -32,8 +32,6 @@ pub struct Field<'v> {
     tiles: Lists,
     columns: u32,
     tile_rows: u32,
-    /// Tile of each visible point.
-    tile_of: Vec<u32>,
 }
 
 impl<'v> Field<'v> {
@@ -41,53 +39,57 @@ impl<'v> Field<'v> {
     pub fn new(view: &'v View, visible: &'v Visible, tolerance: f32) -> Self {
         let columns = visible.width.div_ceil(TILE);
         let tile_rows = visible.height().div_ceil(TILE);
-        let mut tile_of = vec![0; visible.points.len()];
-        for pixel in 0..visible.pixels() {
-            let (x, row) = (pixel as u32 % visible.width, pixel as u32 / visible.width);
-            tile_of[visible.of_pixel(pixel)].fill(row / TILE * columns + x / TILE);
-        }
-        let tiles = Lists::new((columns * tile_rows) as usize, &[]);
+        let tiles = Lists::of_boxes(columns, tile_rows, &[]);
         let reaches = Reaches::new(tolerance);
-        Self { view, visible, reaches, records: Vec::new(), tiles, columns, tile_rows, tile_of }
+        Self { view, visible, reaches, records: Vec::new(), tiles, columns, tile_rows }
     }
 
-    /// Fits at visible points, in parallel.
-    pub fn fit(&self, points: &[u32]) -> Vec<Fit> {
-        let boxes: Vec<Range<u32>> = points.iter().map(|&p| one(self.tile_of[p as usize])).collect();
-        let place = |k: u32| {
-            let point = &self.visible.points[points[k as usize] as usize];
-            (point.position, point.shading_normal)
+    /// Fits at visible points, in parallel, tile by tile. `choose` tells which of the points of the pixel in a column and a
+    /// row of these rows are wanted.
+    pub fn fit(
+        &self,
+        choose: impl Fn(u32, u32, Range<usize>) -> Range<usize> + Sync,
+    ) -> Vec<Vec<(u32, Fit)>> {
+        let chosen = |tile: usize, list: &mut Vec<u32>| {
+            let (x0, y0) = (tile as u32 % self.columns * TILE, tile as u32 / self.columns * TILE);
+            for y in y0..self.visible.height().min(y0 + TILE) {
+                for x in x0..self.visible.width.min(x0 + TILE) {
+                    let pixel = y as usize * self.visible.width as usize + x as usize;
+                    list.extend(choose(x, y, self.visible.of_pixel(pixel)).map(|i| i as u32));
+                }
+            }
         };
-        self.fit_lists(&Lists::new(self.tiles.len(), &boxes), points.len(), |eight| {
-            PointLanes::new(eight.len(), |lane| place(eight[lane]))
+        self.fit_in_tiles(chosen, |eight| {
+            PointLanes::new(eight.len(), |lane| {
+                let point = &self.visible.points[eight[lane] as usize];
+                (point.position, point.shading_normal)
+            })
         })
     }
 
-    /// Fits for the items that are listed by tile; `lanes` lays out up to eight of them.
-    fn fit_lists(
+    /// Fits for the items that `list` adds for a tile; `lanes` lays out up to eight of them.
+    fn fit_in_tiles(
         &self,
-        items: &Lists,
-        count: usize,
+        list: impl Fn(usize, &mut Vec<u32>) + Sync,
         lanes: impl Fn(&[u32]) -> PointLanes + Sync,
-    ) -> Vec<Fit> {
-        let found: Vec<Vec<Fit>> = (0..self.tiles.len())
+    ) -> Vec<Vec<(u32, Fit)>> {
+        (0..self.tiles.len())
             .into_par_iter()
-            .map_init(RecordLanes::default, |records, tile| {
-                let items = items.get(tile);
+            .with_min_len(8)
+            .map_init(<(RecordLanes, Vec<u32>)>::default, |(records, items), tile| {
+                items.clear();
+                list(tile, items);
                 if items.is_empty() {
                     return Vec::new();
                 }
                 records.fill(self.tiles.get(tile).iter().map(|&r| &self.records[r as usize]));
-                let mut fits = Vec::with_capacity(items.len().next_multiple_of(LANES));
-                items.chunks(LANES).for_each(|eight| fits.extend(lanes(eight).fit(records)));
+                let mut fits = Vec::with_capacity(items.len());
+                for eight in items.chunks(LANES) {
+                    fits.extend(eight.iter().copied().zip(lanes(eight).fit(records)));
+                }
                 fits
             })
-            .collect();
-        let mut fits = vec![Fit::default(); count];
-        for (tile, found) in found.iter().enumerate() {
-            items.get(tile).iter().zip(found).for_each(|(&k, &fit)| fits[k as usize] = fit);
-        }
-        fits
+            .collect()
     }
 
     /// Adds what was gathered at visible points, and lets all records reach as far as their neighbours allow.
@@ -98,10 +100,12 @@ impl<'v> Field<'v> {
         };
         self.records.extend(gathers.map(record));
         self.sort_into_tiles();
+        // Reaches only shrink here, so that the lists still hold all records that reach into a tile.
         let agreed = self.agreed();
         self.set_reaches(&agreed);
         let corrected = self.corrected();
         self.set_reaches(&corrected);
+        self.sort_into_tiles();
     }
 
     /// Where one record sees something close, those around it cannot be far from it either: none reaches further than
@@ -141,20 +145,30 @@ impl<'v> Field<'v> {
 
     /// Relative errors of the predictions of records from their neighbours; 0 without neighbours.
     fn errors(&self) -> Vec<f32> {
-        let own_tile = |r: &Record| self.tile_at(r).map_or(0..0, |tile| one(tile as u32));
-        let boxes: Vec<Range<u32>> = self.records.iter().map(own_tile).collect();
-        let fits = self.fit_lists(&Lists::new(self.tiles.len(), &boxes), self.records.len(), |eight| {
-            PointLanes::without(eight.len(), |lane| &self.records[eight[lane] as usize])
-        });
-        let error = |(record, fit): (&Record, &Fit)| {
-            fit.irradiance.map_or(0.0, |prediction| relative_error(prediction, record.irradiance))
+        let own: Vec<TileBox> = self.records.par_iter().map(|r| self.own_tile(r)).collect();
+        let own = Lists::of_boxes(self.columns, self.tile_rows, &own);
+        let fits = self.fit_in_tiles(
+            |tile, items| items.extend(own.get(tile)),
+            |eight| PointLanes::without(eight.len(), |lane| &self.records[eight[lane] as usize]),
+        );
+        let mut errors = vec![0.0; self.records.len()];
+        for (r, fit) in fits.into_iter().flatten() {
+            let found = self.records[r as usize].irradiance;
+            errors[r as usize] = fit.irradiance.map_or(0.0, |prediction| relative_error(prediction, found));
+        }
+        errors
+    }
+
+    fn own_tile(&self, record: &Record) -> TileBox {
+        let (column, row) = match self.tile_at(record) {
+            None => return TileBox { columns: 0..0, rows: 0..0 },
+            Some(tile) => (tile as u32 % self.columns, tile as u32 / self.columns),
         };
-        self.records.iter().zip(&fits).map(error).collect()
+        TileBox { columns: column..column + 1, rows: row..row + 1 }
     }
 
     fn set_reaches(&mut self, reaches: &[f32]) {
         self.records.iter_mut().zip(reaches).for_each(|(r, &reach)| r.reach = reach);
-        self.sort_into_tiles();
     }
 
     /// The records that reach into a record's tile.
@@ -203,11 +217,6 @@ struct Lists {
 }
 
 impl Lists {
-    /// Lists by bin, given the bins of each item.
-    fn new(bins: usize, of_items: &[Range<u32>]) -> Self {
-        Self::fill(bins, of_items.len(), |item, visit| of_items[item].clone().for_each(visit))
-    }
-
     /// Lists by tile, given each item's rectangle of tiles.
     fn of_boxes(columns: u32, rows: u32, boxes: &[TileBox]) -> Self {
         Self::fill((columns * rows) as usize, boxes.len(), |item, visit| {
@@ -246,10 +255,6 @@ impl Lists {
     fn get(&self, bin: usize) -> &[u32] {
         &self.items[self.starts[bin] as usize..self.starts[bin + 1] as usize]
     }
-}
-
-fn one(bin: u32) -> Range<u32> {
-    bin..bin + 1
 }
 
 fn relative_error(predicted: Vec3, found: Vec3) -> f32 {

@@ -5,11 +5,12 @@
 //! and what a group needs is a few multiplications, eight at a time.
 
 use super::solid::{Plane, SolidEdge};
-use glam::{BVec4A, DVec3, Vec3, Vec4};
+use crate::lanes::{self, F32x8, LANES, LaneTask, Mask8, dot, vector};
+use glam::{DVec3, Vec3};
 use std::array::from_fn;
 
 /// Edges or boxes in a group.
-const WIDTH: usize = 8;
+const WIDTH: usize = LANES;
 
 /// Relative width that boxes have beyond their contents: more than the rounding of f32 in [`Lanes::heights`].
 const SLACK: f32 = 1e-6;
@@ -17,47 +18,48 @@ const SLACK: f32 = 1e-6;
 /// Distance in front of a face below which a receiver lies on it, scene units: more than the rounding of coordinates.
 pub(super) const ON_FACE: f64 = 2e-7;
 
-/// Eight numbers.
-type Eight = [Vec4; 2];
-
 /// Eight points of the space of planes, or eight sizes of boxes there: x, y, z of the normal, and the offset.
 #[derive(Debug, Clone, Copy)]
-struct Lanes([Eight; 4]);
+struct Lanes([[f32; WIDTH]; 4]);
 
 impl Lanes {
     /// Planes that no point is in front of.
-    const NOWHERE: Self = Self([[Vec4::ZERO; 2], [Vec4::ZERO; 2], [Vec4::ZERO; 2], [Vec4::ONE; 2]]);
-    const NOTHING: Self = Self([[Vec4::ZERO; 2]; 4]);
+    const NOWHERE: Self = Self([[0.0; WIDTH], [0.0; WIDTH], [0.0; WIDTH], [1.0; WIDTH]]);
+    const NOTHING: Self = Self([[0.0; WIDTH]; 4]);
 
     fn set(&mut self, lane: usize, plane: [f32; 4]) {
         for (axis, value) in self.0.iter_mut().zip(plane) {
-            axis[lane / 4][lane % 4] = value;
+            axis[lane] = value;
         }
     }
 
     fn get(&self, lane: usize) -> [f32; 4] {
-        self.0.map(|axis| axis[lane / 4][lane % 4])
+        self.0.map(|axis| axis[lane])
+    }
+
+    /// Products of the normals with a vector.
+    #[inline(always)]
+    fn products<F: F32x8>(&self, v: [F; 3]) -> F {
+        let [x, y, z, _] = &self.0;
+        dot([F::load(x), F::load(y), F::load(z)], v)
     }
 
     /// How far a point is in front of each plane.
-    #[inline]
-    fn heights(&self, p: Vec3) -> Eight {
-        let [x, y, z, offset] = &self.0;
-        [0, 1].map(|i| x[i] * p.x + y[i] * p.y + z[i] * p.z - offset[i])
+    #[inline(always)]
+    fn heights<F: F32x8>(&self, p: [F; 3]) -> F {
+        self.products(p) - F::load(&self.0[3])
     }
 
-    /// The most by which [`Self::heights`] differ within boxes of these half sizes.
-    #[inline]
-    fn reach(&self, p: Vec3) -> Eight {
-        let ([x, y, z, offset], p) = (&self.0, p.abs());
-        [0, 1].map(|i| x[i] * p.x + y[i] * p.y + z[i] * p.z + offset[i])
+    /// The most by which [`Self::heights`] differ within boxes of these half sizes; `p` has no signs.
+    #[inline(always)]
+    fn reach<F: F32x8>(&self, p: [F; 3]) -> F {
+        self.products(p) + F::load(&self.0[3])
     }
 
     /// One bit for each plane that a point is in front of.
-    #[inline]
-    fn facing(&self, p: Vec3) -> u32 {
-        let height = self.heights(p);
-        mask([0, 1].map(|i| height[i].cmpgt(Vec4::ZERO)))
+    #[inline(always)]
+    fn facing<F: F32x8>(&self, p: [F; 3]) -> u32 {
+        self.heights(p).gt(F::splat(0.0)).bits()
     }
 }
 
@@ -77,16 +79,11 @@ struct Boxes {
 
 impl Boxes {
     /// One bit for each box that may hold planes on both sides of a point.
-    #[inline]
-    fn undecided(&self, p: Vec3) -> u32 {
-        let (height, reach) = (self.centre.heights(p), self.half.reach(p));
-        mask([0, 1].map(|i| height[i].abs().cmple(reach[i])))
+    #[inline(always)]
+    fn undecided<F: F32x8>(&self, p: [F; 3]) -> u32 {
+        let without_signs = [p[0].abs(), p[1].abs(), p[2].abs()];
+        self.centre.heights(p).abs().le(self.half.reach(without_signs)).bits()
     }
-}
-
-#[inline]
-fn mask([low, high]: [BVec4A; 2]) -> u32 {
-    low.bitmask() | high.bitmask() << 4
 }
 
 /// The edges of a closed mesh, in a hierarchy.
@@ -119,27 +116,11 @@ impl Silhouette {
     #[inline]
     pub(super) fn edges(&self, receiver: DVec3) -> impl ExactSizeIterator<Item = [DVec3; 2]> {
         let at = receiver - self.centre;
-        let mut found = Vec::with_capacity(256);
-        self.descend(self.levels.len(), 0, at.as_vec3(), &mut found);
+        let found = lanes::run(Descent { silhouette: self, at: at.as_vec3() });
         found.into_iter().map(move |(edge, left)| {
             let [a, b] = self.ends[edge as usize].map(|v| v.as_dvec3() - at);
             if left { [a, b] } else { [b, a] }
         })
-    }
-
-    /// Finds edges of the silhouette, and whether their left sides are turned to the receiver.
-    fn descend(&self, level: usize, index: usize, at: Vec3, found: &mut Vec<(u32, bool)>) {
-        if level == 0 {
-            let group = &self.edges[index];
-            let (left, right) = (group.left.facing(at), group.right.facing(at));
-            for lane in ones(left ^ right) {
-                found.push(((index * WIDTH + lane) as u32, left >> lane & 1 == 1));
-            }
-            return;
-        }
-        for lane in ones(self.levels[level - 1][index].undecided(at)) {
-            self.descend(level - 1, index * WIDTH + lane, at, found);
-        }
     }
 
     /// The normal of the face whose plane a receiver is furthest in front of, or least behind, and that distance less
@@ -148,10 +129,10 @@ impl Silhouette {
         let at = (receiver - self.centre).as_vec3();
         let mut best = (Vec3::ZERO, f32::NEG_INFINITY);
         for group in &self.edges {
-            let heights = group.left.heights(at);
             for lane in 0..WIDTH {
-                let (height, [x, y, z, _]) = (heights[lane / 4][lane % 4], group.left.get(lane));
+                let [x, y, z, offset] = group.left.get(lane);
                 let normal = Vec3::new(x, y, z);
+                let height = normal.dot(at) - offset;
                 if height > best.1 && normal != Vec3::ZERO {
                     best = (normal, height);
                 }
@@ -161,12 +142,52 @@ impl Silhouette {
     }
 }
 
+/// The way down the hierarchy from the root, for a receiver relative to the centre.
+struct Descent<'a> {
+    silhouette: &'a Silhouette,
+    at: Vec3,
+}
+
+impl LaneTask for Descent<'_> {
+    /// Edges of the silhouette, and whether their left sides are turned to the receiver.
+    type Output = Vec<(u32, bool)>;
+
+    #[inline(always)]
+    fn run<F: F32x8>(self) -> Self::Output {
+        let (at, Silhouette { edges, levels, .. }) = (vector::<F>(self.at), self.silhouette);
+        // Groups of all levels, from one group of boxes at the top to groups of edges.
+        let mut groups: Vec<u32> = Vec::with_capacity(256);
+        groups.push(0);
+        let mut first = 0;
+        for boxes in levels.iter().rev() {
+            let end = groups.len();
+            for i in first..end {
+                let group = groups[i];
+                for lane in ones(boxes[group as usize].undecided(at)) {
+                    groups.push(group * WIDTH as u32 + lane);
+                }
+            }
+            first = end;
+        }
+        let mut found = Vec::with_capacity(256);
+        for &group in &groups[first..] {
+            let planes = &edges[group as usize];
+            let (left, right) = (planes.left.facing(at), planes.right.facing(at));
+            for lane in ones(left ^ right) {
+                found.push((group * WIDTH as u32 + lane, left >> lane & 1 == 1));
+            }
+        }
+        found
+    }
+}
+
 /// Positions of the bits that are set.
-fn ones(mut bits: u32) -> impl Iterator<Item = usize> {
+#[inline(always)]
+fn ones(mut bits: u32) -> impl Iterator<Item = u32> {
     std::iter::from_fn(move || {
-        let lane = bits.trailing_zeros() as usize;
+        let lane = bits.trailing_zeros();
         bits &= bits.wrapping_sub(1);
-        (lane < WIDTH).then_some(lane)
+        (lane < WIDTH as u32).then_some(lane)
     })
 }
 

@@ -108,7 +108,7 @@ impl Middles {
         let count = width as usize * (rows.end - rows.start) as usize;
         let trace = |pixel: u32| {
             let (x, y) = (pixel % width, rows.start + pixel / width);
-            interrupt::check().ok().and_then(|()| view.trace_middle(accel, x, y))
+            if interrupt::requested() { None } else { view.trace_middle(accel, x, y) }
         };
         // Collected, memory is touched for the first time by the thread that fills it.
         let points = (0..count as u32).into_par_iter().with_min_len(PORTION).map(trace).collect();

@@ -99,8 +99,7 @@ impl<'a> Lit<'a> {
 
     /// The way that keeps nothing in common between points: all rays of all lights at each of the chosen ones.
     fn shade_each_point(&self, chosen: impl Fn(&ShadingPoint) -> bool + Sync) -> Result<Vec<DirectLight>> {
-        let light = |point: &ShadingPoint| match point.black || !chosen(point) || interrupt::check().is_err()
-        {
+        let light = |point: &ShadingPoint| match point.black || !chosen(point) || interrupt::requested() {
             true => DirectLight::default(),
             false => self.shade(point),
         };

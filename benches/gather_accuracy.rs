@@ -165,12 +165,11 @@ fn row(
     Ok(())
 }
 
-/// Seconds, nodes of all cuts, and for each half, every point's irradiance turn after turn.
-fn gather(
-    world: &World,
-    settings: &Settings,
-    points: &[ShadingPoint],
-) -> Result<(f64, f64, [Vec<Vec<f64>>; 2])> {
+/// For each half of the turns, every point's irradiance turn after turn.
+type Halves = [Vec<Vec<f64>>; 2];
+
+/// Seconds, nodes of all cuts, and what was gathered.
+fn gather(world: &World, settings: &Settings, points: &[ShadingPoint]) -> Result<(f64, f64, Halves)> {
     let mut gatherer = world.gatherer(settings)?;
     let convolver = world.convolver();
     let (mut seconds, mut nodes) = (0.0, 0.0);
@@ -198,7 +197,7 @@ fn gather(
 }
 
 /// Bias, systematic RMS of patches, RMS of single gathers, in percent.
-fn errors(halves: &[Vec<Vec<f64>>; 2], exact: &[f64]) -> [f64; 3] {
+fn errors(halves: &Halves, exact: &[f64]) -> [f64; 3] {
     let mean = exact.iter().sum::<f64>() / exact.len() as f64;
     let of_patch = |values: &[f64], patch: usize| values[patch * PATCH..][..PATCH].iter().sum::<f64>();
     let (mut sum, mut systematic, mut single) = (0.0, 0.0, 0.0);

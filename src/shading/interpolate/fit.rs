@@ -12,6 +12,8 @@ const ACROSS: f32 = 100.0;
 const TURN: f32 = 10.0;
 /// Share of the records' spread that keeps the gradient small where it is ill determined.
 const RIDGE: f32 = 0.05;
+/// Least ridge, relative to the squared distance of the records' middle.
+const LEAST_SPREAD: f32 = 1e-3;
 /// A fit stays within this factor of the mean of its records.
 const OVERSHOOT: f32 = 2.5;
 
@@ -150,7 +152,9 @@ impl<F: F32x8> Sums<F> {
         let inverse = self.weight.max(tiny).recip();
         let (x, y) = (self.x * inverse, self.y * inverse);
         let (xx, xy, yy) = (self.xx * inverse - x * x, self.xy * inverse - x * y, self.yy * inverse - y * y);
-        let ridge = (xx + yy) * F::splat(RIDGE) + tiny;
+        // Where one record weighs most, the spread is the rounding of a difference, of either sign.
+        let least = (x * x + y * y) * F::splat(LEAST_SPREAD) + tiny;
+        let ridge = ((xx + yy) * F::splat(RIDGE)).max(least);
         let (xx, yy) = (xx + ridge, yy + ridge);
         let determinant = (xx * yy - xy * xy).max(tiny).recip();
         // What the light's first moments weigh in the value.

@@ -124,12 +124,11 @@ impl World {
     fn prepare_tracing(&mut self, cloud: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<()> {
         self.prepare_surfels(cloud, settings, run)?;
         self.bounce(settings, run)?;
-        let lookup =
-            run.clock.time(Stage::Surfels, || RadianceLookup::new(&self.accel, &self.closed, &self.cloud));
+        self.prepare_lookup(run);
         run.reporter.verbose(|| {
-            format!("{} surfels, looked up in {} kB", self.cloud.len(), lookup.bytes().div_ceil(1000))
+            let bytes = self.lookup.as_ref().map_or(0, RadianceLookup::bytes);
+            format!("{} surfels, looked up in {} kB", self.cloud.len(), bytes.div_ceil(1000))
         });
-        self.lookup = Some(lookup);
         Ok(())
     }
 

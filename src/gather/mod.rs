@@ -6,6 +6,7 @@ pub mod crew;
 pub mod device;
 pub mod monte_carlo;
 pub mod order;
+mod rays;
 pub mod stage;
 pub mod traced;
 pub mod vulkan;

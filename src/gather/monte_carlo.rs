@@ -3,21 +3,17 @@
 //! Cosine-weighted rays leave the receiver; every hit is lit by its own shadow rays (or shows what it emits) and may
 //! reflect further.
 
-use super::{Batch, Estimate, Gathered, Gatherer, Output};
+use super::rays::{BATCH, estimate_each};
+use super::{Batch, Estimate, Gathered, Gatherer};
 use crate::accel::{Accel, Hit, RAY_OFFSET, offset_origin};
 use crate::direct::sequence::Sequence;
 use crate::direct::{Emitters, Lights, LitPoint};
 use crate::error::Result;
 use crate::hemicube::frame::Receiver;
-use crate::interrupt;
 use crate::math::{Frame, Rng, cosine_hemisphere};
 use glam::{DVec3, Vec2, Vec3};
-use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
 use std::f64::consts::PI;
-
-/// Receivers a batch: enough to keep many cores busy, few enough for steady progress.
-const BATCH: usize = 1024;
 
 /// Reflections after which paths without a limit may end by chance.
 const ROULETTE_FROM: u32 = 3;
@@ -215,9 +211,7 @@ impl Gatherer for MonteCarloGatherer<'_> {
 
     fn submit(&mut self, batch: Batch) -> Result<()> {
         assert!(self.finished.is_none(), "finish the batch under way before submitting another");
-        let estimate = |receiver| interrupt::check().map(|()| self.estimate(receiver));
-        let estimates = batch.receivers.par_iter().map(estimate).collect::<Result<_>>()?;
-        self.finished = Some(Gathered { batch, output: Output::Estimates(estimates) });
+        self.finished = Some(estimate_each(batch, |receiver| self.estimate(receiver))?);
         Ok(())
     }
 

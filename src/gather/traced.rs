@@ -3,7 +3,8 @@
 //! The directions of a receiver's rays are one of a few prepared sets, turned about its normal: a set is stratified by Sobol's
 //! sequence and sorted so that one ray leaves near the one before.
 
-use super::{Batch, Estimate, Gathered, Gatherer, Output};
+use super::rays::{BATCH, estimate_each};
+use super::{Batch, Estimate, Gathered, Gatherer};
 use crate::accel::{Accel, RAY_OFFSET, SurfacePoint, offset_origin};
 use crate::direct::sequence::Sequence;
 use crate::error::Result;
@@ -15,9 +16,6 @@ use crate::surfel::transfer::Row;
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 use std::f64::consts::PI;
-
-/// Receivers a batch: enough to keep many cores busy, few enough for steady progress.
-const BATCH: usize = 1024;
 
 /// Directions in all prepared sets together, about: they stay in a core's cache.
 const DIRECTIONS: u32 = 8192;
@@ -81,10 +79,7 @@ impl Gatherer for TracedGatherer<'_> {
 
     fn submit(&mut self, batch: Batch) -> Result<()> {
         assert!(self.finished.is_none(), "finish the batch under way before submitting another");
-        let estimate = |receiver| interrupt::check().map(|()| self.estimate(receiver));
-        let receivers = batch.receivers.par_iter().with_min_len(8);
-        let estimates = receivers.map(estimate).collect::<Result<_>>()?;
-        self.finished = Some(Gathered { batch, output: Output::Estimates(estimates) });
+        self.finished = Some(estimate_each(batch, |receiver| self.estimate(receiver))?);
         Ok(())
     }
 

@@ -143,18 +143,17 @@ mod tests {
         Accel::new(Arc::new(Scene::new(&description).expect("has an area")))
     }
 
+    fn cloud(accel: &Accel, surfels: u64) -> SurfelCloud {
+        let density = Density::Count(surfels);
+        let settings = GenerateSettings { density, shape: SurfelShape::Disc, seed: 1 };
+        let edges = Edges::new(&accel.scene().triangles);
+        let closed = ClosedTest::none();
+        generate(accel.scene(), &edges, &closed, &settings, &Reporter::default()).expect("a cloud")
+    }
+
     /// The lookup of a cloud whose sides send what `light` says of a position and a normal.
     fn lookup(accel: &Accel, surfels: u64, light: impl Fn(Vec3, Vec3) -> Vec3) -> RadianceLookup {
-        let settings =
-            GenerateSettings { density: Density::Count(surfels), shape: SurfelShape::Disc, seed: 1 };
-        let mut cloud = generate(
-            accel.scene(),
-            &Edges::new(&accel.scene().triangles),
-            &ClosedTest::none(),
-            &settings,
-            &Reporter::default(),
-        )
-        .expect("a cloud");
+        let mut cloud = cloud(accel, surfels);
         for i in 0..cloud.len() {
             cloud.radiance[i] = light(cloud.position[i], cloud.normal[i]);
             if accel.scene().has_two_sided() {
@@ -250,15 +249,7 @@ mod tests {
     #[test]
     fn surfaces_without_surfels_of_their_own_are_lit_like_what_is_near() {
         let accel = accel(vec![quad(0.0, 1.0), quad(0.3, 1.0)], false);
-        let settings = GenerateSettings { density: Density::Count(400), shape: SurfelShape::Disc, seed: 1 };
-        let mut cloud = generate(
-            accel.scene(),
-            &Edges::new(&accel.scene().triangles),
-            &ClosedTest::none(),
-            &settings,
-            &Reporter::default(),
-        )
-        .expect("a cloud");
+        let mut cloud = cloud(&accel, 400);
         cloud.radiance.fill(Vec3::ONE);
         // Only the first sheet's surfels.
         let half = cloud.primitive.iter().filter(|&&p| p < 2).count();

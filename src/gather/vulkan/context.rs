@@ -1,11 +1,11 @@
 //! The logical device: queue, memory allocator, names.
 
 use super::devices::{self, DeviceInfo, DeviceKind};
-use super::heap::keep_freed_memory;
 use super::instance::Instance;
 use super::pipeline_cache::Maker;
 use super::validation::ValidationLog;
 use crate::error::{Error, Result};
+use crate::heap::keep_freed_memory;
 use ash::prelude::VkResult;
 use ash::{ext, vk};
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, Allocator, AllocatorCreateDesc};

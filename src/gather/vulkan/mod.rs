@@ -9,7 +9,7 @@
 //! | `instance.rs`, `validation.rs` | the loader, the instance, the validation layer's messages |
 //! | `devices.rs` | what devices there are, and what each is good for |
 //! | `context.rs`, `owned.rs` | the logical device; handles that destroy themselves |
-//! | `buffers.rs`, `images.rs`, `heap.rs` | memory; the C library's, for software drivers |
+//! | `buffers.rs`, `images.rs` | memory |
 //! | `vertices.rs` | the vertex formats that the shaders read |
 //! | `pass.rs`, `slot.rs`, `record.rs` | render pass and pipeline; what one frame in flight owns; its commands |
 //! | `pipeline_cache.rs` | compiled pipelines, kept between runs |
@@ -25,7 +25,6 @@ mod context;
 mod devices;
 mod draws;
 mod gatherer;
-mod heap;
 mod images;
 mod instance;
 #[cfg(test)]

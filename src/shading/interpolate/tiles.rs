@@ -117,7 +117,8 @@ impl<'v> Field<'v> {
             .map(|record| {
                 let bound = |other: &Record| other.reach + other.position.distance(record.position);
                 let least = record.reach.min(record.shortest);
-                self.around(record).map(bound).fold(record.reach, f32::min).max(least)
+                let others = self.around(record).iter().map(|&r| &self.records[r as usize]);
+                others.map(bound).fold(record.reach, f32::min).max(least)
             })
             .collect()
     }
@@ -130,7 +131,7 @@ impl<'v> Field<'v> {
         let limit = (NOISE_MARGIN * median(&errors)).max(self.reaches.tolerance);
         let corrected = |record: &Record| {
             let (mut sum, mut count) = (0.0, 0);
-            for &r in self.tile_at(record).map_or(&[][..], |tile| self.tiles.get(tile)) {
+            for &r in self.around(record) {
                 let other = &self.records[r as usize];
                 if other.position.distance(record.position) < SUPPORT * record.reach {
                     sum += errors[r as usize];
@@ -172,9 +173,8 @@ impl<'v> Field<'v> {
     }
 
     /// The records that reach into a record's tile.
-    fn around(&self, record: &Record) -> impl Iterator<Item = &Record> {
-        let list = self.tile_at(record).map_or(&[][..], |tile| self.tiles.get(tile));
-        list.iter().map(|&r| &self.records[r as usize])
+    fn around(&self, record: &Record) -> &[u32] {
+        self.tile_at(record).map_or(&[], |tile| self.tiles.get(tile))
     }
 
     fn tile_at(&self, record: &Record) -> Option<usize> {
@@ -210,7 +210,7 @@ struct TileBox {
     rows: Range<u32>,
 }
 
-/// For each of a number of bins, the items in it, in rising order.
+/// For each tile, the items in it, in rising order.
 struct Lists {
     starts: Vec<u32>,
     items: Vec<u32>,
@@ -219,41 +219,33 @@ struct Lists {
 impl Lists {
     /// Lists by tile, given each item's rectangle of tiles.
     fn of_boxes(columns: u32, rows: u32, boxes: &[TileBox]) -> Self {
-        Self::fill((columns * rows) as usize, boxes.len(), |item, visit| {
-            let TileBox { columns: xs, rows: ys } = &boxes[item];
-            for y in ys.clone() {
-                xs.clone().for_each(|x| visit(y * columns + x));
-            }
-        })
-    }
-
-    /// `visit_bins` calls its second argument with each bin of an item.
-    fn fill(bins: usize, items: usize, visit_bins: impl Fn(usize, &mut dyn FnMut(u32))) -> Self {
-        let mut starts = vec![0u32; bins + 1];
-        for item in 0..items {
-            visit_bins(item, &mut |bin| starts[bin as usize + 1] += 1);
-        }
-        for bin in 0..bins {
-            starts[bin + 1] += starts[bin];
+        let tiles = |b: &TileBox| {
+            let xs = b.columns.clone();
+            b.rows.clone().flat_map(move |y| xs.clone().map(move |x| (y * columns + x) as usize))
+        };
+        let count = (columns * rows) as usize;
+        let mut starts = vec![0u32; count + 1];
+        boxes.iter().flat_map(tiles).for_each(|tile| starts[tile + 1] += 1);
+        for tile in 0..count {
+            starts[tile + 1] += starts[tile];
         }
         let mut ends = starts.clone();
-        let mut list = vec![0; starts[bins] as usize];
-        for item in 0..items {
-            visit_bins(item, &mut |bin| {
-                let end = &mut ends[bin as usize];
-                list[*end as usize] = item as u32;
-                *end += 1;
-            });
+        let mut items = vec![0; starts[count] as usize];
+        for (item, of_item) in boxes.iter().enumerate() {
+            for tile in tiles(of_item) {
+                items[ends[tile] as usize] = item as u32;
+                ends[tile] += 1;
+            }
         }
-        Self { starts, items: list }
+        Self { starts, items }
     }
 
     fn len(&self) -> usize {
         self.starts.len() - 1
     }
 
-    fn get(&self, bin: usize) -> &[u32] {
-        &self.items[self.starts[bin] as usize..self.starts[bin + 1] as usize]
+    fn get(&self, tile: usize) -> &[u32] {
+        &self.items[self.starts[tile] as usize..self.starts[tile + 1] as usize]
     }
 }
 

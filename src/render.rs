@@ -5,13 +5,12 @@ use crate::film::{Aov, Film};
 use crate::run::Run;
 use crate::settings::{GatherMethod, Settings};
 use crate::shading::direct::direct_light;
-use crate::shading::indirect::Gathering;
+use crate::shading::indirect::{Gathering, IndirectLight};
 use crate::shading::points::View;
 use crate::shading::shade::develop;
 use crate::shading::visible::Visible;
 use crate::stats::Stage;
 use crate::world::World;
-use glam::Vec3;
 use std::ops::Range;
 
 /// Pixels that are rendered together: all of an ordinary picture, few enough to bound the memory of a huge one.
@@ -35,7 +34,7 @@ pub fn render(world: &World, view: &View, settings: &Settings, aovs: &[Aov], run
         run.counters.count_shading_points(visible.points.len());
         let light = || run.clock.time(Stage::Direct, || direct_light(world, view, settings, &visible));
         let (direct, indirect) = match &mut gathering {
-            None => (light()?, vec![Vec3::ZERO; visible.points.len()]),
+            None => (light()?, IndirectLight::none(visible.points.len(), settings)),
             Some(gathering) if gathering.on_cpu() => (light()?, gathering.light(view, &visible)?),
             Some(gathering) => side_by_side(light, || gathering.light(view, &visible))?,
         };

@@ -132,6 +132,8 @@ pub struct Settings {
     pub frames_in_flight: usize,
     /// Seed of all random choices.
     pub seed: u32,
+    /// Whether every shading point keeps [`Diagnostics`](crate::shading::diagnostics::Diagnostics).
+    pub diagnostics: bool,
     /// Whether the Vulkan validation layers watch.
     pub validation: bool,
 }
@@ -155,6 +157,7 @@ impl Default for Settings {
             batch: BatchSize::Auto,
             frames_in_flight: 3,
             seed: 0,
+            diagnostics: false,
             validation: false,
         }
     }

@@ -56,6 +56,8 @@ pub struct World {
     pub closed: ClosedTest,
     /// `Settings::near_field`.
     near_field: f32,
+    /// Whether gathers count what shows its black back.
+    census: bool,
     near_field_rays: AtomicU64,
 }
 
@@ -81,6 +83,7 @@ impl World {
             device: choose_device(settings)?,
             closed: ClosedTest::none(),
             near_field: settings.near_field,
+            census: settings.diagnostics,
             near_field_rays: AtomicU64::new(0),
         };
         run.reporter.info(&format!("device: {} ({})", world.device.name, world.device.reason));
@@ -248,7 +251,10 @@ impl World {
 
     /// Turns surfel ids into irradiance.
     pub fn convolver(&self) -> Convolver<'_> {
-        let convolver = Convolver::new(&self.drawables, &self.weights, self.scene.background);
+        let mut convolver = Convolver::new(&self.drawables, &self.weights, self.scene.background);
+        if self.census {
+            convolver = convolver.with_census();
+        }
         match &self.lookup {
             None => convolver,
             Some(lookup) => convolver.with_near_field(NearField {

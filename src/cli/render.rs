@@ -3,13 +3,13 @@
 use super::common::{CameraArgs, MessageArgs, SceneArgs, TransportArgs, finite};
 use super::use_threads;
 use crate::atomic_file::check_writable;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::film::Aov;
 use crate::image_io::{ImageFormat, write};
 use crate::render::render;
 use crate::run::Run;
 use crate::scene::Scene;
-use crate::settings::Settings;
+use crate::settings::{GatherMethod, Settings};
 use crate::shading::points::View;
 use crate::stats::{Stage, Stats};
 use crate::world::World;
@@ -44,7 +44,9 @@ pub struct RenderArgs {
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_hyphen_values = true, value_parser = finite)]
     exposure: f32,
 
-    /// Further layers of an .exr picture: direct, indirect, albedo, normal, depth
+    /// Further layers of an .exr picture: direct, indirect, albedo, normal, depth; error (standard error of the indirect
+    /// part where it is interpolated), coverage (shares of the hemisphere: R empty, G black backs, B repaired by rays), gathers
+    /// (how many the indirect part rests on), distance (harmonic mean of what is seen)
     #[arg(long, value_name = "LAYER,...", value_delimiter = ',')]
     aov: Vec<Aov>,
 
@@ -75,7 +77,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
 fn render_to_file(args: &RenderArgs, format: ImageFormat) -> Result<()> {
     let started = Instant::now();
     let run = args.messages.run();
-    let settings = settings(args);
+    let settings = settings(args)?;
     let (scene, camera) = run.clock.time(Stage::Load, || -> Result<_> {
         let description = args.scene.load(&run)?;
         let camera = args.camera.camera(&description)?;
@@ -93,9 +95,20 @@ fn render_to_file(args: &RenderArgs, format: ImageFormat) -> Result<()> {
     report(args, &settings, &world, &run, started)
 }
 
-fn settings(args: &RenderArgs) -> Settings {
+fn settings(args: &RenderArgs) -> Result<Settings> {
     let settings = args.transport.settings();
-    Settings { samples: args.samples.unwrap_or(settings.samples), ..settings }
+    let interpolates = settings.gather != GatherMethod::None && settings.interpolate.is_some();
+    if args.aov.contains(&Aov::Error) && !interpolates {
+        return Err(Error::Usage(
+            "--aov error is the error of interpolated gathers: it needs --interpolate and a way to gather"
+                .into(),
+        ));
+    }
+    Ok(Settings {
+        samples: args.samples.unwrap_or(settings.samples),
+        diagnostics: args.aov.iter().any(|layer| layer.is_diagnostic()),
+        ..settings
+    })
 }
 
 fn report(args: &RenderArgs, settings: &Settings, world: &World, run: &Run, started: Instant) -> Result<()> {

@@ -21,6 +21,7 @@
 //! dependency orders drawing before the copy, and one barrier makes the copy visible to the host.
 
 mod buffers;
+mod compute;
 mod context;
 mod devices;
 mod draws;
@@ -34,12 +35,14 @@ mod pace;
 mod pass;
 mod pipeline_cache;
 mod record;
+mod route;
 mod settings;
 mod slot;
+mod targets;
 mod validation;
 mod vertices;
 
 pub use devices::{DeviceInfo, DeviceKind, list_devices};
 pub use gatherer::VulkanGatherer;
-pub use settings::{BatchSize, FacesPerPass, GatherStats, VulkanSettings};
+pub use settings::{BatchSize, FacesPerPass, GatherStats, Route, VulkanSettings};
 pub use validation::ValidationLog;

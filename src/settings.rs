@@ -128,7 +128,7 @@ pub struct Settings {
     pub samples: u32,
     /// Hemicubes a batch.
     pub batch: BatchSize,
-    /// Batches under way at once.
+    /// Batches under way at once; 0: as many as keep the device busy.
     pub frames_in_flight: usize,
     /// Seed of all random choices.
     pub seed: u32,
@@ -155,7 +155,7 @@ impl Default for Settings {
             gather_samples: 256,
             samples: 1,
             batch: BatchSize::Auto,
-            frames_in_flight: 3,
+            frames_in_flight: 0,
             seed: 0,
             diagnostics: false,
             validation: false,

@@ -116,8 +116,8 @@ pub struct TransportArgs {
     #[arg(long, value_name = "N|auto", default_value = "auto")]
     pub batch: BatchSize,
 
-    /// Batches under way on the device at once
-    #[arg(long, value_name = "K", default_value_t = 3, value_parser = frames_in_flight)]
+    /// Batches under way on the device at once; 'auto': as many as keep it busy
+    #[arg(long, value_name = "K|auto", default_value = "auto", value_parser = frames_in_flight)]
     pub frames_in_flight: usize,
 
     /// Seed of all random choices
@@ -281,7 +281,8 @@ fn face_resolution(text: &str) -> std::result::Result<u32, String> {
 }
 
 fn frames_in_flight(text: &str) -> std::result::Result<usize, String> {
-    text.parse::<usize>().ok().filter(|n| (1..=16).contains(n)).ok_or_else(|| "must be from 1 to 16".into())
+    let count = if text == "auto" { Some(0) } else { text.parse().ok().filter(|n| (1..=16).contains(n)) };
+    count.ok_or_else(|| "must be 'auto' or from 1 to 16".into())
 }
 
 fn threads(text: &str) -> std::result::Result<usize, String> {

@@ -93,7 +93,7 @@ fn heap(heap: &vk::MemoryHeap) -> Heap {
 }
 
 /// `None` for types that only special objects can use.
-fn memory_type(memory: &vk::MemoryType) -> Option<MemoryType> {
+pub(super) fn memory_type(memory: &vk::MemoryType) -> Option<MemoryType> {
     let has = |flag| memory.property_flags.contains(flag);
     let special = vk::MemoryPropertyFlags::LAZILY_ALLOCATED
         | vk::MemoryPropertyFlags::PROTECTED
@@ -145,7 +145,7 @@ fn features(
         ("multiview", multiview.multiview == vk::TRUE),
         ("large points", large_points),
         ("timestamps", timestamps(instance, device)),
-        ("host memory import", offers(instance, device, ash::ext::external_memory_host::NAME)),
+        ("host memory import", offers_import(instance, device)),
     ]
 }
 
@@ -155,10 +155,11 @@ fn timestamps(instance: &Instance, device: vk::PhysicalDevice) -> bool {
     graphics_family(instance, device).is_some_and(|family| families[family as usize].timestamp_valid_bits > 0)
 }
 
-fn offers(instance: &Instance, device: vk::PhysicalDevice, extension: &std::ffi::CStr) -> bool {
+/// Whether the device can use memory of the host's own.
+pub(super) fn offers_import(instance: &Instance, device: vk::PhysicalDevice) -> bool {
     // SAFETY: the device belongs to the instance.
     let offered = unsafe { instance.raw.enumerate_device_extension_properties(device) }.unwrap_or_default();
-    offered.iter().any(|e| e.extension_name_as_c_str() == Ok(extension))
+    offered.iter().any(|e| e.extension_name_as_c_str() == Ok(ash::ext::external_memory_host::NAME))
 }
 
 /// A number of bytes in words.

@@ -108,20 +108,17 @@ impl Compute {
         Ok(Self { pipeline, layout, bindings })
     }
 
-    /// Records the drawing of so many hemicubes; then the host may read their ids.
+    /// Records the drawing of so many hemicubes.
     pub fn record(
         &self,
         context: &Context,
         commands: vk::CommandBuffer,
         bindings: &Bindings,
         (hemicubes, layout): (usize, AtlasLayout),
-        ids: &Buffer,
     ) {
         let device = &context.device;
         let tiles = Tiles { columns: layout.columns, rows: layout.rows };
         let bind_point = vk::PipelineBindPoint::COMPUTE;
-        let (none, stage) = (vk::DependencyFlags::empty(), vk::PipelineStageFlags::COMPUTE_SHADER);
-        let visible = [ids.visible_to_host(vk::AccessFlags::SHADER_WRITE)];
         // SAFETY: the command buffer is recording; all objects belong to the device and outlive the submit, which the slot's
         // fence ends; the shader writes within the buffer, which holds a whole atlas of this layout.
         unsafe {
@@ -129,7 +126,6 @@ impl Compute {
             device.cmd_bind_descriptor_sets(commands, bind_point, self.layout.raw, 0, &[bindings.set], &[]);
             device.cmd_push_constants(commands, self.layout.raw, STAGE, 0, bytemuck::bytes_of(&tiles));
             device.cmd_dispatch(commands, hemicubes as u32, 1, 1);
-            device.cmd_pipeline_barrier(commands, stage, vk::PipelineStageFlags::HOST, none, &[], &visible, &[]);
         }
     }
 }
@@ -158,7 +154,8 @@ impl Bindings {
         context: &Arc<Context>,
         compute: &Compute,
         surfels: &SplatBuffers,
-        [hemicubes, cuts, ids]: [&Buffer; 3],
+        [hemicubes, cuts]: [&Buffer; 2],
+        ids: vk::Buffer,
     ) -> VkResult<Self> {
         let shape = if surfels.axes.is_some() { SurfelShape::Triangle } else { SurfelShape::Disc };
         let buffers = [Some(&surfels.splats), Some(cuts), Some(hemicubes), surfels.axes.as_ref()];
@@ -180,7 +177,11 @@ impl Bindings {
     }
 }
 
-fn texel_view(context: &Arc<Context>, buffer: &Buffer, format: vk::Format) -> VkResult<Owned<vk::BufferView>> {
+fn texel_view(
+    context: &Arc<Context>,
+    buffer: &Buffer,
+    format: vk::Format,
+) -> VkResult<Owned<vk::BufferView>> {
     let info = vk::BufferViewCreateInfo::default().buffer(buffer.raw()).format(format).range(vk::WHOLE_SIZE);
     // SAFETY: the buffer has memory, the usage and at least one texel; all devices know the formats.
     let raw = unsafe { context.device.create_buffer_view(&info, None) }?;
@@ -204,10 +205,10 @@ fn write_set(
     set: vk::DescriptorSet,
     shape: SurfelShape,
     views: &[Owned<vk::BufferView>],
-    ids: &Buffer,
+    ids: vk::Buffer,
 ) {
     let raw: Vec<[vk::BufferView; 1]> = views.iter().map(|view| [view.raw]).collect();
-    let ids = [vk::DescriptorBufferInfo::default().buffer(ids.raw()).range(vk::WHOLE_SIZE)];
+    let ids = [vk::DescriptorBufferInfo::default().buffer(ids).range(vk::WHOLE_SIZE)];
     let mut writes = vec![
         vk::WriteDescriptorSet::default()
             .dst_set(set)

@@ -5,7 +5,7 @@ use crate::direct::Lights;
 use crate::error::Result;
 use crate::gather::Gatherer;
 use crate::gather::create::{Surfels, choose_device, create};
-use crate::gather::device::Choice;
+use crate::gather::device::{Choice, Chosen};
 use crate::gather::order::{Ordered, order};
 use crate::gather::traced::{TracedSettings, form_factors};
 use crate::hemicube::convolve::Convolver;
@@ -16,6 +16,7 @@ use crate::math::hash32;
 use crate::run::Run;
 use crate::scene::Scene;
 use crate::scene::topology::Edges;
+use crate::scenery::Scenery;
 use crate::settings::{BOUNCE_TOLERANCE, Bounces, Emitters, GatherMethod, Settings, SurfelDensity};
 use crate::stats::{DeviceInfo, Stage};
 use crate::surfel::closed::ClosedTest;
@@ -37,9 +38,9 @@ pub struct World {
     /// The scene.
     pub scene: Arc<Scene>,
     /// Ray queries on it.
-    pub accel: Accel,
+    pub accel: Arc<Accel>,
     /// Its lights.
-    pub lights: Lights,
+    pub lights: Arc<Lights>,
     /// Its surfels, shaded; empty when the gather method needs none.
     pub cloud: SurfelCloud,
     /// The hierarchy over the surfels, for level of detail.
@@ -67,11 +68,35 @@ impl World {
     /// # Errors
     /// When surfels cannot be generated as asked, or the device fails.
     pub fn prepare(scene: Scene, cloud: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<Self> {
-        let scene = Arc::new(scene);
-        let (accel, lights) = run
-            .clock
-            .time(Stage::Load, || rayon::join(|| Accel::new(Arc::clone(&scene)), || Lights::new(&scene)));
-        let mut world = Self {
+        Self::prepare_beside(scene, cloud, settings, run, |_, _| Ok(())).map(|(world, ())| world)
+    }
+
+    /// As [`World::prepare`], while other threads do something else that needs no surfels, with the device in mind that will
+    /// gather.
+    ///
+    /// # Errors
+    /// As [`World::prepare`], or those of what is done beside it.
+    pub fn prepare_beside<T: Send>(
+        scene: Scene,
+        cloud: Option<SurfelCloud>,
+        settings: &Settings,
+        run: &Run,
+        beside: impl FnOnce(&Scenery, Chosen) -> Result<T> + Send,
+    ) -> Result<(Self, T)> {
+        let scenery = run.clock.time(Stage::Load, || Scenery::new(scene));
+        let mut world = Self::without_surfels(scenery.clone(), settings)?;
+        run.reporter.info(&format!("device: {} ({})", world.device.name, world.device.reason));
+        run.reporter.verbose(|| format!("features: {}", world.scene.features().join(", ")));
+        let device = world.device.device;
+        let (prepared, done) =
+            rayon::join(|| world.prepare_gathering(cloud, settings, run), || beside(&scenery, device));
+        prepared?;
+        Ok((world, done?))
+    }
+
+    fn without_surfels(scenery: Scenery, settings: &Settings) -> Result<Self> {
+        let Scenery { scene, accel, lights } = scenery;
+        Ok(Self {
             scene,
             accel,
             lights,
@@ -85,15 +110,29 @@ impl World {
             near_field: settings.near_field,
             census: settings.diagnostics,
             near_field_rays: AtomicU64::new(0),
-        };
-        run.reporter.info(&format!("device: {} ({})", world.device.name, world.device.reason));
-        run.reporter.verbose(|| format!("features: {}", world.scene.features().join(", ")));
+        })
+    }
+
+    fn prepare_gathering(
+        &mut self,
+        cloud: Option<SurfelCloud>,
+        settings: &Settings,
+        run: &Run,
+    ) -> Result<()> {
         match settings.gather {
-            GatherMethod::Hemicube => world.prepare_drawing(cloud, settings, run)?,
-            GatherMethod::Traced => world.prepare_tracing(cloud, settings, run)?,
-            GatherMethod::MonteCarlo | GatherMethod::None => {}
+            GatherMethod::Hemicube => self.prepare_drawing(cloud, settings, run),
+            GatherMethod::Traced => self.prepare_tracing(cloud, settings, run),
+            GatherMethod::MonteCarlo | GatherMethod::None => Ok(()),
         }
-        Ok(world)
+    }
+
+    /// What camera rays and direct light need of it.
+    pub fn scenery(&self) -> Scenery {
+        Scenery {
+            scene: Arc::clone(&self.scene),
+            accel: Arc::clone(&self.accel),
+            lights: Arc::clone(&self.lights),
+        }
     }
 
     fn prepare_drawing(&mut self, cloud: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<()> {

@@ -6,7 +6,7 @@ use crate::atomic_file::check_writable;
 use crate::error::{Error, Result};
 use crate::film::Aov;
 use crate::image_io::{ImageFormat, write};
-use crate::render::render;
+use crate::render::render_scene;
 use crate::run::Run;
 use crate::scene::Scene;
 use crate::settings::{GatherMethod, Settings};
@@ -84,9 +84,8 @@ fn render_to_file(args: &RenderArgs, format: ImageFormat) -> Result<()> {
         Ok((Scene::new(&description)?, camera))
     })?;
     let cloud = args.transport.cloud(&scene)?;
-    let world = World::prepare(scene, cloud, &settings, &run)?;
-    let view = View::new(&world.scene, &camera, args.width, args.height, settings.samples, settings.seed);
-    let mut film = render(&world, &view, &settings, &args.aov, &run)?;
+    let view = View::new(&scene, &camera, args.width, args.height, settings.samples, settings.seed);
+    let (world, mut film) = render_scene(scene, cloud, &view, &settings, &args.aov, &run)?;
     match film.sanitise() {
         0 => {}
         n => run.reporter.warn(&format!("{n} pixels were not finite or negative and were set to black")),

@@ -26,6 +26,21 @@ const BAND_PIXELS: u32 = 1 << 22;
 /// When the device fails or the user interrupts.
 pub fn render(world: &World, view: &View, settings: &Settings, aovs: &[Aov], run: &Run) -> Result<Film> {
     let mut film = Film::new(view.width, view.height, aovs);
+    render_onto(&mut film, world, view, settings, run)?;
+    Ok(film)
+}
+
+/// As [`render`], onto a film of the view's size that the caller made.
+///
+/// # Errors
+/// As [`render`].
+pub fn render_onto(
+    film: &mut Film,
+    world: &World,
+    view: &View,
+    settings: &Settings,
+    run: &Run,
+) -> Result<()> {
     let mut gathering = match settings.gather {
         GatherMethod::None => None,
         _ => Some(Gathering::new(world, settings, run)?),
@@ -39,9 +54,9 @@ pub fn render(world: &World, view: &View, settings: &Settings, aovs: &[Aov], run
             Some(gathering) if gathering.on_cpu() => (light()?, gathering.light(view, &visible)?),
             Some(gathering) => side_by_side(light, || gathering.light(view, &visible))?,
         };
-        develop(world, view, &visible, &direct, &indirect, &mut film);
+        develop(world, view, &visible, &direct, &indirect, film);
     }
-    Ok(film)
+    Ok(())
 }
 
 fn own_workers() -> Result<rayon::ThreadPool> {

@@ -4,14 +4,15 @@ use super::common::{CameraArgs, MessageArgs, SceneArgs, TransportArgs, finite};
 use super::use_threads;
 use crate::atomic_file::check_writable;
 use crate::error::Result;
-use crate::film::Aov;
+use crate::film::{Aov, Film};
 use crate::image_io::{ImageFormat, write};
-use crate::render::render;
+use crate::measure::verify::{Effort, verify};
+use crate::render::render_onto;
 use crate::run::Run;
 use crate::scene::Scene;
 use crate::settings::Settings;
 use crate::shading::points::View;
-use crate::stats::{Stage, Stats};
+use crate::stats::{Section, Stage, Stats};
 use crate::world::World;
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -52,6 +53,11 @@ pub struct RenderArgs {
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
 
+    /// Measure the picture's error: re-estimate about N random pixels by Monte Carlo (256 unless given), and report the error
+    /// with a 95 % confidence interval
+    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "256", value_parser = clap::value_parser!(u32).range(16..=1_000_000))]
+    verify: Option<u32>,
+
     #[command(flatten)]
     camera: CameraArgs,
     #[command(flatten)]
@@ -84,13 +90,22 @@ fn render_to_file(args: &RenderArgs, format: ImageFormat) -> Result<()> {
     let cloud = args.transport.cloud(&scene)?;
     let world = World::prepare(scene, cloud, &settings, &run)?;
     let view = View::new(&world.scene, &camera, args.width, args.height, settings.samples, settings.seed);
-    let mut film = render(&world, &view, &settings, &args.aov, &run)?;
+    let mut film = Film::new(view.width, view.height, &args.aov);
+    if args.verify.is_some() {
+        film = film.with_reflected();
+    }
+    render_onto(&mut film, &world, &view, &settings, &run)?;
     match film.sanitise() {
         0 => {}
         n => run.reporter.warn(&format!("{n} pixels were not finite or negative and were set to black")),
     }
     run.clock.time(Stage::Write, || write(&film, &args.output, format, args.exposure))?;
-    report(args, &settings, &world, &run, started)
+    let mut sections = Vec::new();
+    if let Some(pixels) = args.verify {
+        let effort = Effort { pixels: pixels as usize, seed: settings.seed, ..Effort::default() };
+        sections.push(verify(&film, &world, &view, &settings, &effort, &run)?.section());
+    }
+    report(args, &settings, &world, sections, &run, started)
 }
 
 fn settings(args: &RenderArgs) -> Settings {
@@ -98,7 +113,14 @@ fn settings(args: &RenderArgs) -> Settings {
     Settings { samples: args.samples.unwrap_or(settings.samples), ..settings }
 }
 
-fn report(args: &RenderArgs, settings: &Settings, world: &World, run: &Run, started: Instant) -> Result<()> {
+fn report(
+    args: &RenderArgs,
+    settings: &Settings,
+    world: &World,
+    sections: Vec<Section>,
+    run: &Run,
+    started: Instant,
+) -> Result<()> {
     run.counters.count_near_field_rays(world.near_field_rays() as usize);
     let mut stats = Stats::new(&run.counters, &run.clock, started.elapsed());
     stats.device = world.device_info();
@@ -106,6 +128,7 @@ fn report(args: &RenderArgs, settings: &Settings, world: &World, run: &Run, star
     stats.surfels = world.cloud.len() as u64;
     stats.nodes = world.drawables.len() as u64;
     stats.features = world.scene.features();
+    stats.sections = sections;
     run.reporter.summary(&stats);
     args.stats.as_deref().map_or(Ok(()), |path| stats.write_json(path))
 }

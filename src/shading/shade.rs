@@ -2,7 +2,7 @@
 
 use super::points::{ShadingPoint, View};
 use super::visible::Visible;
-use crate::film::{Film, PixelValue};
+use crate::film::{Film, PixelValue, sanitised};
 use crate::world::World;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -26,6 +26,14 @@ pub fn develop(
         .with_min_len(1024)
         .enumerate()
         .for_each(|(pixel, radiance)| *radiance = value(pixel).radiance());
+    if let Some(reflected) = &mut film.reflected {
+        let seen = |pixel: usize| !visible.of_pixel(pixel).is_empty();
+        reflected[first..first + visible.pixels()]
+            .par_iter_mut()
+            .with_min_len(1024)
+            .enumerate()
+            .for_each(|(pixel, light)| *light = seen(pixel).then(|| sanitised(value(pixel).reflected())));
+    }
     if !film.layers().is_empty() {
         (0..visible.pixels()).for_each(|pixel| film.set_layers(first + pixel, &value(pixel)));
     }
@@ -69,6 +77,7 @@ fn surface(
     let reflected = material.albedo / PI * direct.irradiance + material.specular * direct.specular;
     PixelValue {
         direct: material.emission + material.ambient + reflected,
+        lit: reflected,
         indirect: material.albedo / PI * indirect,
         albedo: material.albedo,
         normal: point.shading_normal,

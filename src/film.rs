@@ -19,11 +19,35 @@ pub enum Aov {
     Normal,
     /// Distance from the camera along the ray, scene units; zero where the ray left the scene.
     Depth,
+    /// Estimated standard error of the indirect part of the radiance, W sr-1 m-2: high where interpolation stands on few
+    /// gathers, or on gathers that disagree.
+    Error,
+    /// Shares of the hemisphere, 0..1: in which nothing was seen, the black backs of surfaces, and what rays repaired.
+    Coverage,
+    /// How many gathers the indirect part rests on.
+    Gathers,
+    /// Harmonic mean distance of what is seen from the surface, scene units; zero where nothing is.
+    Distance,
 }
 
 impl Aov {
     /// All layers, in the order in which messages list them.
-    pub const ALL: [Self; 5] = [Self::Direct, Self::Indirect, Self::Albedo, Self::Normal, Self::Depth];
+    pub const ALL: [Self; 9] = [
+        Self::Direct,
+        Self::Indirect,
+        Self::Albedo,
+        Self::Normal,
+        Self::Depth,
+        Self::Error,
+        Self::Coverage,
+        Self::Gathers,
+        Self::Distance,
+    ];
+
+    /// Whether the layer needs the gathers' [`PixelDiagnostics`].
+    pub fn is_diagnostic(self) -> bool {
+        matches!(self, Self::Error | Self::Coverage | Self::Gathers | Self::Distance)
+    }
 
     /// The name on the command line and in EXR files.
     pub fn name(self) -> &'static str {
@@ -33,15 +57,20 @@ impl Aov {
             Self::Albedo => "albedo",
             Self::Normal => "normal",
             Self::Depth => "depth",
+            Self::Error => "error",
+            Self::Coverage => "coverage",
+            Self::Gathers => "gathers",
+            Self::Distance => "distance",
         }
     }
 
     /// Suffixes of the EXR channels, one a component.
     pub fn channels(self) -> &'static [&'static str] {
         match self {
-            Self::Direct | Self::Indirect | Self::Albedo => &["R", "G", "B"],
+            Self::Direct | Self::Indirect | Self::Albedo | Self::Error | Self::Coverage => &["R", "G", "B"],
             Self::Normal => &["X", "Y", "Z"],
-            Self::Depth => &["Z"],
+            Self::Depth | Self::Distance => &["Z"],
+            Self::Gathers => &["Y"],
         }
     }
 
@@ -86,6 +115,43 @@ pub struct PixelValue {
     pub normal: Vec3,
     /// See [`Aov::Depth`].
     pub depth: f32,
+    /// All zero unless asked for.
+    pub diagnostics: PixelDiagnostics,
+}
+
+/// How far the indirect part of a pixel can be trusted, and what its gathers saw.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct PixelDiagnostics {
+    /// See [`Aov::Error`].
+    pub error: Vec3,
+    /// See [`Aov::Coverage`].
+    pub coverage: Vec3,
+    /// See [`Aov::Gathers`].
+    pub gathers: f32,
+    /// See [`Aov::Distance`].
+    pub distance: f32,
+}
+
+impl AddAssign for PixelDiagnostics {
+    fn add_assign(&mut self, other: Self) {
+        self.error += other.error;
+        self.coverage += other.coverage;
+        self.gathers += other.gathers;
+        self.distance += other.distance;
+    }
+}
+
+impl Mul<f32> for PixelDiagnostics {
+    type Output = Self;
+
+    fn mul(self, factor: f32) -> Self {
+        Self {
+            error: self.error * factor,
+            coverage: self.coverage * factor,
+            gathers: self.gathers * factor,
+            distance: self.distance * factor,
+        }
+    }
 }
 
 impl PixelValue {
@@ -116,6 +182,10 @@ impl PixelValue {
             Aov::Albedo => self.albedo,
             Aov::Normal => self.normal,
             Aov::Depth => Vec3::splat(self.depth),
+            Aov::Error => self.diagnostics.error,
+            Aov::Coverage => self.diagnostics.coverage,
+            Aov::Gathers => Vec3::splat(self.diagnostics.gathers),
+            Aov::Distance => Vec3::splat(self.diagnostics.distance),
         }
     }
 }
@@ -128,6 +198,7 @@ impl AddAssign for PixelValue {
         self.albedo += other.albedo;
         self.normal += other.normal;
         self.depth += other.depth;
+        self.diagnostics += other.diagnostics;
     }
 }
 
@@ -142,6 +213,7 @@ impl Mul<f32> for PixelValue {
             albedo: self.albedo * factor,
             normal: self.normal * factor,
             depth: self.depth * factor,
+            diagnostics: self.diagnostics * factor,
         }
     }
 }
@@ -188,10 +260,9 @@ impl Film {
         Self { width, height, pixels: vec![Vec3::ZERO; count], reflected: None, layers }
     }
 
-    /// The film with room for reflected light apart.
-    pub fn with_reflected(mut self) -> Self {
-        self.reflected = Some(vec![None; self.pixels.len()]);
-        self
+    /// Makes room for reflected light apart, if that is wanted.
+    pub fn keep_reflected(&mut self, wanted: bool) {
+        self.reflected = wanted.then(|| vec![None; self.pixels.len()]);
     }
 
     /// The layers that were asked for.

@@ -5,13 +5,12 @@ use crate::film::{Aov, Film};
 use crate::run::Run;
 use crate::settings::{GatherMethod, Settings};
 use crate::shading::direct::direct_light;
-use crate::shading::indirect::Gathering;
+use crate::shading::indirect::{Gathering, IndirectLight};
 use crate::shading::points::View;
 use crate::shading::shade::develop;
 use crate::shading::visible::Visible;
 use crate::stats::Stage;
 use crate::world::World;
-use glam::Vec3;
 use std::ops::Range;
 
 /// Pixels that are rendered together: all of an ordinary picture, few enough to bound the memory of a huge one.
@@ -26,21 +25,7 @@ const BAND_PIXELS: u32 = 1 << 22;
 /// When the device fails or the user interrupts.
 pub fn render(world: &World, view: &View, settings: &Settings, aovs: &[Aov], run: &Run) -> Result<Film> {
     let mut film = Film::new(view.width, view.height, aovs);
-    render_onto(&mut film, world, view, settings, run)?;
-    Ok(film)
-}
-
-/// As [`render`], onto a film of the view's size that the caller made.
-///
-/// # Errors
-/// As [`render`].
-pub fn render_onto(
-    film: &mut Film,
-    world: &World,
-    view: &View,
-    settings: &Settings,
-    run: &Run,
-) -> Result<()> {
+    film.keep_reflected(settings.reflected);
     let mut gathering = match settings.gather {
         GatherMethod::None => None,
         _ => Some(Gathering::new(world, settings, run)?),
@@ -50,13 +35,13 @@ pub fn render_onto(
         run.counters.count_shading_points(visible.points.len());
         let light = || run.clock.time(Stage::Direct, || direct_light(world, view, settings, &visible));
         let (direct, indirect) = match &mut gathering {
-            None => (light()?, vec![Vec3::ZERO; visible.points.len()]),
+            None => (light()?, IndirectLight::none(visible.points.len(), settings)),
             Some(gathering) if gathering.on_cpu() => (light()?, gathering.light(view, &visible)?),
             Some(gathering) => side_by_side(light, || gathering.light(view, &visible))?,
         };
-        develop(world, view, &visible, &direct, &indirect, film);
+        develop(world, view, &visible, &direct, &indirect, &mut film);
     }
-    Ok(())
+    Ok(film)
 }
 
 fn own_workers() -> Result<rayon::ThreadPool> {

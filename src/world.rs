@@ -56,6 +56,8 @@ pub struct World {
     pub closed: ClosedTest,
     /// `Settings::near_field`.
     near_field: f32,
+    /// Whether gathers count what shows its black back.
+    census: bool,
     near_field_rays: AtomicU64,
 }
 
@@ -69,6 +71,34 @@ impl World {
         let (accel, lights) = run
             .clock
             .time(Stage::Load, || rayon::join(|| Accel::new(Arc::clone(&scene)), || Lights::new(&scene)));
+        let device = choose_device(settings)?;
+        run.reporter.info(&format!("device: {} ({})", device.name, device.reason));
+        run.reporter.verbose(|| format!("features: {}", scene.features().join(", ")));
+        Self::with_device(scene, accel, lights, device, cloud, settings, run)
+    }
+
+    /// The same scene made ready for other settings: ray queries and lights stay as they are.
+    ///
+    /// # Errors
+    /// As [`World::prepare`].
+    pub fn prepared_for(self, cloud: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<Self> {
+        let Self { scene, accel, lights, device: before, .. } = self;
+        let device = choose_device(settings)?;
+        if device != before {
+            run.reporter.info(&format!("device: {} ({})", device.name, device.reason));
+        }
+        Self::with_device(scene, accel, lights, device, cloud, settings, run)
+    }
+
+    fn with_device(
+        scene: Arc<Scene>,
+        accel: Accel,
+        lights: Lights,
+        device: Choice,
+        cloud: Option<SurfelCloud>,
+        settings: &Settings,
+        run: &Run,
+    ) -> Result<Self> {
         let mut world = Self {
             scene,
             accel,
@@ -78,13 +108,12 @@ impl World {
             drawables: Drawables::default(),
             lookup: None,
             weights: Weights::new(settings.face_resolution),
-            device: choose_device(settings)?,
+            device,
             closed: ClosedTest::none(),
             near_field: settings.near_field,
+            census: settings.diagnostics,
             near_field_rays: AtomicU64::new(0),
         };
-        run.reporter.info(&format!("device: {} ({})", world.device.name, world.device.reason));
-        run.reporter.verbose(|| format!("features: {}", world.scene.features().join(", ")));
         match settings.gather {
             GatherMethod::Hemicube => world.prepare_drawing(cloud, settings, run)?,
             GatherMethod::Traced => world.prepare_tracing(cloud, settings, run)?,
@@ -248,7 +277,10 @@ impl World {
 
     /// Turns surfel ids into irradiance.
     pub fn convolver(&self) -> Convolver<'_> {
-        let convolver = Convolver::new(&self.drawables, &self.weights, self.scene.background);
+        let mut convolver = Convolver::new(&self.drawables, &self.weights, self.scene.background);
+        if self.census {
+            convolver = convolver.with_census();
+        }
         match &self.lookup {
             None => convolver,
             Some(lookup) => convolver.with_near_field(NearField {

@@ -8,7 +8,7 @@ use super::{Batch, Estimate, Gathered, Gatherer};
 use crate::accel::{Accel, RAY_OFFSET, SurfacePoint, offset_origin};
 use crate::direct::sequence::Sequence;
 use crate::error::Result;
-use crate::hemicube::frame::Receiver;
+use crate::hemicube::frame::{Coverage, Receiver};
 use crate::interrupt;
 use crate::math::{cosine_hemisphere, hash32};
 use crate::surfel::lookup::{RadianceLookup, SideLookup};
@@ -49,7 +49,7 @@ impl<'a> TracedGatherer<'a> {
     /// Irradiance at a receiver: a function of the settings and of the receiver (its seed included) alone.
     pub fn estimate(&self, receiver: &Receiver) -> Estimate {
         let background = self.accel.scene().background;
-        let (mut total, mut closeness) = (DVec3::ZERO, 0.0);
+        let (mut total, mut closeness, mut misses) = (DVec3::ZERO, 0.0, 0);
         let rays = self.rays.of(receiver);
         for run in rays.chunks(RUN) {
             let (mut sum, mut close) = (Vec3::ZERO, 0.0);
@@ -58,13 +58,20 @@ impl<'a> TracedGatherer<'a> {
                     sum += self.lookup.radiance(&hit);
                     close += 1.0 / hit.t.max(RAY_OFFSET);
                 }
-                None => sum += background,
+                None => {
+                    sum += background;
+                    misses += 1;
+                }
             });
             total += sum.as_dvec3();
             closeness += f64::from(close);
         }
         let rays = rays.len() as f64;
-        Estimate { irradiance: (total * (PI / rays)).as_vec3(), closeness: (closeness / rays) as f32 }
+        Estimate {
+            irradiance: (total * (PI / rays)).as_vec3(),
+            closeness: (closeness / rays) as f32,
+            coverage: Coverage { empty: (f64::from(misses) / rays) as f32, ..Coverage::default() },
+        }
     }
 }
 

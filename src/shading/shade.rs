@@ -1,8 +1,11 @@
 //! From direct and gathered light to the radiance of a pixel: L = Le + direct + albedo/pi E_indirect.
 
+use super::diagnostics::Diagnostics;
+use super::indirect::IndirectLight;
 use super::points::{ShadingPoint, View};
 use super::visible::Visible;
-use crate::film::{Film, PixelValue, sanitised};
+use crate::film::{Film, PixelDiagnostics, PixelValue, sanitised};
+use crate::hemicube::frame::Coverage;
 use crate::world::World;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -10,13 +13,13 @@ use std::f32::consts::PI;
 
 pub use crate::direct::DirectLight;
 
-/// Writes rows of the picture. `direct` and `indirect` (irradiance) belong to the visible points, in order.
+/// Writes rows of the picture. `direct` and `indirect` belong to the visible points, in order.
 pub fn develop(
     world: &World,
     view: &View,
     visible: &Visible,
     direct: &[DirectLight],
-    indirect: &[Vec3],
+    indirect: &IndirectLight,
     film: &mut Film,
 ) {
     let first = visible.rows.start as usize * visible.width as usize;
@@ -45,7 +48,7 @@ fn pixel_value(
     view: &View,
     visible: &Visible,
     direct: &[DirectLight],
-    indirect: &[Vec3],
+    indirect: &IndirectLight,
     pixel: usize,
 ) -> PixelValue {
     let mut value = PixelValue::default();
@@ -55,8 +58,11 @@ fn pixel_value(
         let depth = world.scene.normalisation.user_length(view.depth(point.position)) as f32;
         value += match point.black {
             true => PixelValue::black(point.shading_normal, depth),
-            false => surface(world, point, depth, &direct[i], indirect[i]),
+            false => surface(world, point, depth, &direct[i], indirect.irradiance[i]),
         } * visible.shares[i];
+        if let Some(diagnostics) = indirect.diagnostics.get(i) {
+            value.diagnostics += diagnosed(world, point, diagnostics) * visible.shares[i];
+        }
         uncovered -= visible.shares[i];
     }
     // Less than any sample's share is rounding.
@@ -64,6 +70,19 @@ fn pixel_value(
         value += PixelValue::background(world.scene.background) * uncovered;
     }
     value
+}
+
+/// Diagnostics in the units of the picture.
+fn diagnosed(world: &World, point: &ShadingPoint, known: &Diagnostics) -> PixelDiagnostics {
+    let albedo = world.scene.materials[point.material as usize].albedo;
+    let length = |closeness: f32| world.scene.normalisation.user_length(closeness.recip()) as f32;
+    let Coverage { empty, back, repaired } = known.coverage;
+    PixelDiagnostics {
+        error: albedo / PI * known.error,
+        coverage: Vec3::new(empty, back, repaired),
+        gathers: known.gathers,
+        distance: if known.closeness > 0.0 { length(known.closeness) } else { 0.0 },
+    }
 }
 
 fn surface(
@@ -82,5 +101,6 @@ fn surface(
         albedo: material.albedo,
         normal: point.shading_normal,
         depth,
+        ..PixelValue::default()
     }
 }

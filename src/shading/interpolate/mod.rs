@@ -6,12 +6,14 @@
 //! wrong by more than the gathers' noise, the records around reach less far, and the next grid places more. Every other point takes a linear
 //! least-squares fit through the records around, which also averages their noise.
 
+mod diagnose;
 mod fit;
 mod lanes;
 mod record;
 mod tiles;
 
-use super::indirect::Gathering;
+use super::diagnostics::Diagnostics;
+use super::indirect::{Gathering, IndirectLight};
 use super::points::{ShadingPoint, View};
 use super::visible::Visible;
 use crate::error::Result;
@@ -24,7 +26,7 @@ use tiles::Field;
 /// Distances of the grids' points, pixels, from coarse to fine.
 const GRIDS: [u32; 4] = [16, 8, 4, 2];
 
-/// Irradiance at every visible point, W m-2, zero where nothing reflects.
+/// Indirect light at every visible point, zero where nothing reflects.
 ///
 /// # Errors
 /// When the device fails or the user interrupts.
@@ -33,7 +35,7 @@ pub fn interpolate(
     view: &View,
     visible: &Visible,
     tolerance: f32,
-) -> Result<Vec<Vec3>> {
+) -> Result<IndirectLight> {
     let clock = &gathering.run().clock;
     let lit: Vec<bool> = visible.points.iter().map(|point| gathering.reflects(point)).collect();
     let mut field = Field::new(view, visible, tolerance);
@@ -64,7 +66,12 @@ fn on_grid(x: u32, y: u32, grid: u32) -> bool {
 const FARTHEST: f32 = 2.0;
 
 /// The fit everywhere, and gathers where no record is near.
-fn finish(gathering: &mut Gathering, visible: &Visible, field: &Field, lit: &[bool]) -> Result<Vec<Vec3>> {
+fn finish(
+    gathering: &mut Gathering,
+    visible: &Visible,
+    field: &Field,
+    lit: &[bool],
+) -> Result<IndirectLight> {
     let fits = gathering.run().clock.time(Stage::Interpolate, || field.fit(|_, _, points| points));
     let mut irradiance = vec![Vec3::ZERO; visible.points.len()];
     let mut missing = Vec::new();
@@ -75,8 +82,21 @@ fn finish(gathering: &mut Gathering, visible: &Visible, field: &Field, lit: &[bo
         }
     }
     let estimates = gather_at(gathering, visible, &missing)?;
-    missing.iter().zip(estimates).for_each(|(&i, e)| irradiance[i as usize] = e.irradiance);
-    Ok(irradiance)
+    missing.iter().zip(&estimates).for_each(|(&i, e)| irradiance[i as usize] = e.irradiance);
+    let mut diagnostics = Vec::new();
+    if gathering.diagnoses() {
+        diagnostics = diagnose(field, lit);
+        let noise = field.noise();
+        let own = estimates.iter().map(|e| Diagnostics::of_gather(e, noise));
+        missing.iter().zip(own).for_each(|(&i, d)| diagnostics[i as usize] = d);
+    }
+    Ok(IndirectLight { irradiance, diagnostics })
+}
+
+/// Diagnostics by visible point: nothing is known of those without light.
+fn diagnose(field: &Field, lit: &[bool]) -> Vec<Diagnostics> {
+    let known = field.diagnose().into_iter().zip(lit);
+    known.map(|(diagnostics, &lit)| diagnostics.filter(|_| lit).unwrap_or_default()).collect()
 }
 
 fn gather_at(gathering: &mut Gathering, visible: &Visible, points: &[u32]) -> Result<Vec<Estimate>> {

@@ -1,10 +1,12 @@
 //! The records, found by the tiles of the picture that they reach into.
 
+use super::diagnose::diagnose;
 use super::fit::{Fit, SUPPORT};
 use super::lanes::{PointLanes, RecordLanes};
 use super::record::{Reaches, Record};
 use crate::gather::Estimate;
 use crate::lanes::LANES;
+use crate::shading::diagnostics::Diagnostics;
 use crate::shading::points::{ShadingPoint, View};
 use crate::shading::visible::Visible;
 use glam::Vec3;
@@ -90,6 +92,25 @@ impl<'v> Field<'v> {
                 fits
             })
             .collect()
+    }
+
+    /// What the records tell of every visible point, in order; `None` where none is near.
+    pub fn diagnose(&self) -> Vec<Option<Diagnostics>> {
+        let noise = self.noise();
+        let of_pixel = |pixel: usize| {
+            let (x, y) = (pixel as u32 % self.visible.width, pixel as u32 / self.visible.width);
+            let tile = (y / TILE * self.columns + x / TILE) as usize;
+            self.visible.of_pixel(pixel).map(move |i| {
+                let records = self.tiles.get(tile).iter().map(|&r| &self.records[r as usize]);
+                diagnose(&self.visible.points[i], records, noise)
+            })
+        };
+        (0..self.visible.pixels()).into_par_iter().with_min_len(256).flat_map_iter(of_pixel).collect()
+    }
+
+    /// Relative error of one gather: how far most are from what their neighbours foretell.
+    pub fn noise(&self) -> f32 {
+        median(&self.errors())
     }
 
     /// Adds what was gathered at visible points, and lets all records reach as far as their neighbours allow.

@@ -5,7 +5,6 @@ use crate::error::{Error, Result};
 use crate::film::{Aov, Film};
 use crate::gather::device::Chosen;
 use crate::run::Run;
-use crate::scene::Scene;
 use crate::scenery::Scenery;
 use crate::settings::{GatherMethod, Settings};
 use crate::shading::direct::direct_light;
@@ -27,7 +26,7 @@ const BAND_PIXELS: u32 = 1 << 22;
 /// # Errors
 /// When surfels cannot be generated as asked, the device fails, or the user interrupts.
 pub fn render_scene(
-    scene: Scene,
+    scenery: &Scenery,
     cloud: Option<SurfelCloud>,
     view: &View,
     settings: &Settings,
@@ -38,7 +37,7 @@ pub fn render_scene(
         let rows = bands(view).next().unwrap_or_default();
         Band::look(scenery, view, rows, run)?.lit_early(scenery, view, settings, device, run)
     };
-    let (world, first) = World::prepare_beside(scene, cloud, settings, run, look)?;
+    let (world, first) = World::prepare_beside(scenery, cloud, settings, run, look)?;
     let film = render_from(&world, view, settings, aovs, run, Some(first))?;
     Ok((world, film))
 }
@@ -65,6 +64,7 @@ fn render_from(
 ) -> Result<Film> {
     let scenery = world.scenery();
     let mut film = Film::new(view.width, view.height, aovs);
+    film.keep_reflected(settings.reflected);
     let mut gathering = match settings.gather {
         GatherMethod::None => None,
         _ => Some(Gathering::new(world, settings, run)?),

@@ -73,7 +73,8 @@ impl World {
     /// # Errors
     /// When surfels cannot be generated as asked, or the device fails.
     pub fn prepare(scene: Scene, cloud: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<Self> {
-        Self::prepare_beside(scene, cloud, settings, run, |_, _| Ok(())).map(|(world, ())| world)
+        let scenery = run.clock.time(Stage::Load, || Scenery::new(scene));
+        Self::prepare_beside(&scenery, cloud, settings, run, |_, _| Ok(())).map(|(world, ())| world)
     }
 
     /// As [`World::prepare`], while other threads do something else that needs no surfels, with the device in mind that will
@@ -82,19 +83,18 @@ impl World {
     /// # Errors
     /// As [`World::prepare`], or those of what is done beside it.
     pub fn prepare_beside<T: Send>(
-        scene: Scene,
+        scenery: &Scenery,
         cloud: Option<SurfelCloud>,
         settings: &Settings,
         run: &Run,
         beside: impl FnOnce(&Scenery, Chosen) -> Result<T> + Send,
     ) -> Result<(Self, T)> {
-        let scenery = run.clock.time(Stage::Load, || Scenery::new(scene));
         let mut world = Self::without_surfels(scenery.clone(), settings)?;
-        run.reporter.info(&format!("device: {} ({})", world.device.name, world.device.reason));
+        run.reporter.info_once(&format!("device: {} ({})", world.device.name, world.device.reason));
         run.reporter.verbose(|| format!("features: {}", world.scene.features().join(", ")));
         let device = world.device.device;
         let (prepared, done) =
-            rayon::join(|| world.prepare_gathering(cloud, settings, run), || beside(&scenery, device));
+            rayon::join(|| world.prepare_gathering(cloud, settings, run), || beside(scenery, device));
         prepared?;
         Ok((world, done?))
     }

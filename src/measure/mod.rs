@@ -1,5 +1,7 @@
-//! Measuring: how far two pictures are apart.
+//! Measuring: how far pictures are apart, what settings do to that, and charts of it.
 
 pub mod flip;
 pub mod metrics;
+pub mod plot;
 mod ssim;
+pub mod sweep;

@@ -103,6 +103,11 @@ impl Progress {
         self.bar.inc(steps);
     }
 
+    /// How many steps there will be, in the light of those done.
+    pub fn expect(&self, total: u64) {
+        self.bar.set_length(total.max(self.bar.position()));
+    }
+
     /// All is done: the bar vanishes.
     pub fn finish(&self) {
         self.bar.finish_and_clear();
@@ -132,6 +137,8 @@ mod tests {
         let progress = reporter.progress("rendering", 10);
         progress.advance(3);
         assert_eq!((progress.bar.position(), progress.bar.length()), (3, Some(10)));
+        progress.expect(2);
+        assert_eq!(progress.bar.length(), Some(3), "what is done was needed");
         progress.finish();
         assert!(progress.bar.is_finished());
     }

@@ -105,6 +105,8 @@ impl FromStr for Aov {
 pub struct PixelValue {
     /// Emitted and directly reflected radiance.
     pub direct: Vec3,
+    /// The part of `direct` that surfaces reflect: without what emitters and the background send straight to the camera.
+    pub lit: Vec3,
     /// Indirectly reflected radiance.
     pub indirect: Vec3,
     /// See [`Aov::Albedo`].
@@ -168,6 +170,11 @@ impl PixelValue {
         self.direct + self.indirect
     }
 
+    /// The picture without what emitters and the background send straight to the camera.
+    pub fn reflected(&self) -> Vec3 {
+        self.lit + self.indirect
+    }
+
     fn layer(&self, aov: Aov) -> Vec3 {
         match aov {
             Aov::Direct => self.direct,
@@ -186,6 +193,7 @@ impl PixelValue {
 impl AddAssign for PixelValue {
     fn add_assign(&mut self, other: Self) {
         self.direct += other.direct;
+        self.lit += other.lit;
         self.indirect += other.indirect;
         self.albedo += other.albedo;
         self.normal += other.normal;
@@ -200,6 +208,7 @@ impl Mul<f32> for PixelValue {
     fn mul(self, factor: f32) -> Self {
         Self {
             direct: self.direct * factor,
+            lit: self.lit * factor,
             indirect: self.indirect * factor,
             albedo: self.albedo * factor,
             normal: self.normal * factor,
@@ -234,6 +243,8 @@ pub struct Film {
     pub height: u32,
     /// Scene-linear Rec. 709 radiance, W sr-1 m-2.
     pub pixels: Vec<Vec3>,
+    /// For those who measure its error: each pixel's [`PixelValue::reflected`], `None` where no surface is seen.
+    pub reflected: Option<Vec<Option<Vec3>>>,
     layers: Vec<Layer>,
 }
 
@@ -246,7 +257,12 @@ impl Film {
             .filter(|aov| aovs.contains(aov))
             .map(|aov| Layer { aov, values: vec![0.0; count * aov.channels().len()] })
             .collect();
-        Self { width, height, pixels: vec![Vec3::ZERO; count], layers }
+        Self { width, height, pixels: vec![Vec3::ZERO; count], reflected: None, layers }
+    }
+
+    /// Makes room for reflected light apart, if that is wanted.
+    pub fn keep_reflected(&mut self, wanted: bool) {
+        self.reflected = wanted.then(|| vec![None; self.pixels.len()]);
     }
 
     /// The layers that were asked for.

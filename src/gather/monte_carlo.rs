@@ -69,7 +69,7 @@ impl<'a> MonteCarloGatherer<'a> {
         for i in 0..samples {
             let direction = frame.to_world(cosine_hemisphere(strata.point(i, &mut rng)));
             let origin = offset_origin(receiver.position, receiver.normal, direction);
-            let path = self.radiance(origin, direction, &mut rng);
+            let path = self.path(origin, direction, &mut rng);
             sum += path.radiance.as_dvec3();
             closeness += 1.0 / path.distance;
             misses += u32::from(path.distance.is_infinite());
@@ -81,8 +81,12 @@ impl<'a> MonteCarloGatherer<'a> {
         }
     }
 
-    /// Radiance that arrives along a ray, W sr-1 m-2, estimated by one path.
-    fn radiance(&self, mut origin: Vec3, mut direction: Vec3, rng: &mut Rng) -> Path {
+    /// Radiance that arrives along a ray, W sr-1 m-2: an unbiased estimate by one path.
+    pub fn radiance(&self, origin: Vec3, direction: Vec3, rng: &mut Rng) -> Vec3 {
+        self.path(origin, direction, rng).radiance
+    }
+
+    fn path(&self, mut origin: Vec3, mut direction: Vec3, rng: &mut Rng) -> Path {
         let mut path = Path { radiance: Vec3::ZERO, distance: f32::INFINITY };
         let mut throughput = Vec3::ONE;
         for depth in 1..=self.longest_path() {

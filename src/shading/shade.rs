@@ -4,7 +4,7 @@ use super::diagnostics::Diagnostics;
 use super::indirect::IndirectLight;
 use super::points::{ShadingPoint, View};
 use super::visible::Visible;
-use crate::film::{Film, PixelDiagnostics, PixelValue};
+use crate::film::{Film, PixelDiagnostics, PixelValue, sanitised};
 use crate::hemicube::frame::Coverage;
 use crate::world::World;
 use glam::Vec3;
@@ -29,6 +29,14 @@ pub fn develop(
         .with_min_len(1024)
         .enumerate()
         .for_each(|(pixel, radiance)| *radiance = value(pixel).radiance());
+    if let Some(reflected) = &mut film.reflected {
+        let seen = |pixel: usize| !visible.of_pixel(pixel).is_empty();
+        reflected[first..first + visible.pixels()]
+            .par_iter_mut()
+            .with_min_len(1024)
+            .enumerate()
+            .for_each(|(pixel, light)| *light = seen(pixel).then(|| sanitised(value(pixel).reflected())));
+    }
     if !film.layers().is_empty() {
         (0..visible.pixels()).for_each(|pixel| film.set_layers(first + pixel, &value(pixel)));
     }
@@ -88,6 +96,7 @@ fn surface(
     let reflected = material.albedo / PI * direct.irradiance + material.specular * direct.specular;
     PixelValue {
         direct: material.emission + material.ambient + reflected,
+        lit: reflected,
         indirect: material.albedo / PI * indirect,
         albedo: material.albedo,
         normal: point.shading_normal,

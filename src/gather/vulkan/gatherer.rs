@@ -5,7 +5,7 @@ use super::context::{Context, out_of_memory};
 use super::devices::{DeviceInfo, DeviceKind};
 use super::draws::{Draws, splats_drawn};
 use super::pace::Pace;
-use super::compute::write_tasks;
+use super::compute::{Computing, write_tasks};
 use super::record::{Drawing, rasterise, record};
 use super::route::{Attachment, Method};
 use super::settings::{BatchSize, GatherStats, VulkanSettings};
@@ -238,7 +238,9 @@ impl VulkanGatherer {
                 rasterise(context, slot, &drawing);
             }
             (Method::Compute(compute), Attachment::Bindings(bindings)) => {
-                compute.record(context, slot.commands, bindings, (receivers.len(), layout), &slot.readback);
+                let (ids, hemicubes) = (&slot.readback, receivers.len());
+                let computing = Computing { bindings, ids, draws: &draws, hemicubes, layout };
+                compute.record(context, slot.commands, &computing);
             }
             // A slot's attachment is its method's.
             _ => {}

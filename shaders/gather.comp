@@ -1,9 +1,10 @@
-// One hemicube a workgroup, which is one subgroup. Lanes take turns at two roles: as surfels, they are turned into the
-// hemicube's frame eight or so at a time; as pixels of a strip, they test each of those surfels, handed round by shuffles.
+// A strip of one hemicube's face a workgroup, which is one subgroup. Lanes take turns at two roles: as surfels, they are
+// turned into the hemicube's frame; as pixels of the strip, they test each of those surfels, handed round by shuffles.
 // A strip is as wide as the subgroup and four rows high, so that its depths and winners stay in registers.
 //
-// Written for software drivers: they execute both sides of a branch, and every loop at least once; their buffer reads are
-// dear, texel fetches and shuffles from known lanes cheap.
+// Written for lavapipe: it executes both sides of a branch, and every loop at least once; reads of storage buffers are dear,
+// texel fetches and shuffles from known lanes cheap. It ends a workgroup's loops after 65535 rounds in all, so that long
+// cuts take several dispatches.
 #version 450
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
@@ -16,6 +17,10 @@
 // The subgroup's size.
 layout(local_size_x_id = 9) in;
 const uint LANES = gl_WorkGroupSize.x;
+// Most surfels of a cut that one dispatch draws.
+layout(constant_id = 10) const uint MOST_SURFELS = 1;
+// Whether there are so many surfels that cuts may be longer than that.
+layout(constant_id = 11) const bool LONG_CUTS = false;
 
 const uint ROWS = 4;
 // Surfels that a lane looks through before it draws what it has found: a bit each.
@@ -25,18 +30,20 @@ const uint LOOKED_THROUGH = 32;
 layout(set = 0, binding = 0) uniform usamplerBuffer surfels;
 layout(set = 0, binding = 1) uniform usamplerBuffer cuts;
 layout(set = 0, binding = 2) uniform usamplerBuffer hemicubes;
-layout(set = 0, binding = 3) writeonly buffer Atlas {
+layout(set = 0, binding = 3) buffer Atlas {
     uint ids[];
 } atlas;
 #ifdef TRIANGLE
 layout(set = 0, binding = 4) uniform usamplerBuffer axes;
 #endif
 
-// Tiles of the atlas.
-layout(push_constant) uniform Layout {
+layout(push_constant) uniform Dispatch {
+    // Tiles of the atlas.
     uint columns;
     uint rows;
-} tiles;
+    // Surfels of every cut that earlier dispatches have drawn.
+    uint drawn;
+} dispatch;
 
 struct Hemicube {
     vec3 position;
@@ -74,14 +81,15 @@ Hemicube hemicube(uint index) {
     uvec4 b = texelFetch(hemicubes, int(4u * index + 1u));
     uvec4 c = texelFetch(hemicubes, int(4u * index + 2u));
     uvec4 d = texelFetch(hemicubes, int(4u * index + 3u));
+    uint drawn = min(dispatch.drawn, c.w);
     return Hemicube(
         uintBitsToFloat(a.xyz),
         uintBitsToFloat(b.xyz),
         uintBitsToFloat(c.xyz),
         uintBitsToFloat(d.xyz),
         (a.w & RECEIVER_INSIDE) != 0u,
-        b.w,
-        c.w
+        b.w + drawn,
+        min(c.w - drawn, MOST_SURFELS)
     );
 }
 
@@ -150,10 +158,8 @@ uint look_through(Hemicube h, Strip s, uint first) {
     return touching;
 }
 
-// The surfel at a place of the cut as the strip's face sees it. One that is not seen has no plane, so that no pixel is
-// covered.
-Surfel project(Hemicube h, uint face, uint place, bool wanted) {
-    int index = surfel_at(h, place);
+// A surfel as a face sees it. One that is not seen, or not wanted, has no plane, so that it covers no pixel.
+Surfel project(Hemicube h, uint face, int index, bool wanted) {
     vec4 sphere = uintBitsToFloat(texelFetch(surfels, 2 * index));
     uvec4 rest = texelFetch(surfels, 2 * index + 1);
     vec3 centre = centre_of(h, sphere.xyz);
@@ -176,7 +182,7 @@ Surfel project(Hemicube h, uint face, uint place, bool wanted) {
     s.tangent = to_face(face, to_local(h, uintBitsToFloat(uvec3(a, b.x))));
     s.bitangent = to_face(face, to_local(h, uintBitsToFloat(uvec3(b.y, c))));
 #endif
-    s.mark = int(place) + 1;
+    s.mark = 0;
     return s;
 }
 
@@ -222,16 +228,40 @@ uint greatest(uint value) {
 }
 
 uint texel(Strip s, uvec2 pixel) {
-    uint width = tiles.columns * RESOLUTION;
-    uvec2 tile = uvec2(gl_WorkGroupID.x % tiles.columns, gl_WorkGroupID.x / tiles.columns);
-    uint top = width * tiles.rows * RESOLUTION;
+    uint width = dispatch.columns * RESOLUTION;
+    uvec2 tile = uvec2(gl_WorkGroupID.x % dispatch.columns, gl_WorkGroupID.x / dispatch.columns);
+    uint top = width * dispatch.rows * RESOLUTION;
     uint layer = s.face == 0u ? 0u : top + (s.face - 1u) * (top / 2u);
     return layer + (tile.y * rows(s.face, RESOLUTION) + pixel.y) * width + tile.x * RESOLUTION + pixel.x;
 }
 
-void draw_strip(Hemicube h, Strip s) {
+bool in_face(Strip s, uvec2 pixel) {
+    return pixel.x < RESOLUTION && pixel.y < rows(s.face, RESOLUTION);
+}
+
+// The id that earlier dispatches left in a pixel, and its depth.
+uint drawn_before(Hemicube h, Strip s, uint row, out float nearest) {
+    uvec2 pixel = s.corner + uvec2(gl_SubgroupInvocationID, row);
+    uint id = dispatch.drawn > 0u && in_face(s, pixel) ? atlas.ids[texel(s, pixel)] : 0u;
+    Surfel surfel = project(h, s.face, int(max(id, 1u)) - 1, id != 0u);
+    nearest = inverse_depth(surfel.plane, pixel_in(s, row));
+    return id;
+}
+
+void main() {
     uint lane = gl_SubgroupInvocationID;
+    Hemicube h = hemicube(gl_WorkGroupID.x);
+    Strip s = strip(gl_WorkGroupID.y, lane);
     float nearest[ROWS] = float[ROWS](0.0, 0.0, 0.0, 0.0);
+    uint before[ROWS] = uint[ROWS](0u, 0u, 0u, 0u);
+    if (LONG_CUTS) {
+        before[0] = drawn_before(h, s, 0u, nearest[0]);
+        before[1] = drawn_before(h, s, 1u, nearest[1]);
+        before[2] = drawn_before(h, s, 2u, nearest[2]);
+        before[3] = drawn_before(h, s, 3u, nearest[3]);
+    }
+
+    // Nothing of this dispatch has won yet; what earlier ones drew wins over equals.
     int winner[ROWS] = int[ROWS](0, 0, 0, 0);
     for (uint first = 0u;;) {
         uint touching = look_through(h, s, first);
@@ -240,7 +270,9 @@ void draw_strip(Hemicube h, Strip s) {
             bool some = touching != 0u;
             uint next = some ? uint(findLSB(touching)) : 0u;
             touching &= touching - 1u;
-            Surfel mine = project(h, s.face, first + next * LANES + lane, some);
+            uint place = first + next * LANES + lane;
+            Surfel mine = project(h, s.face, surfel_at(h, place), some);
+            mine.mark = int(place) + 1;
             [[unroll]] for (uint k = 0u; k < LANES; k++) {
                 Surfel surfel = handed_round(mine, k);
                 // Not a loop: unrolling one, SPIRV-Tools forget what is `precise`.
@@ -258,22 +290,12 @@ void draw_strip(Hemicube h, Strip s) {
             break;
         }
     }
+
     [[unroll]] for (uint y = 0u; y < ROWS; y++) {
         uvec2 pixel = s.corner + uvec2(lane, y);
         int id = surfel_at(h, uint(max(winner[y] - 1, 0))) + 1;
-        if (pixel.x < RESOLUTION && pixel.y < rows(s.face, RESOLUTION)) {
-            atlas.ids[texel(s, pixel)] = winner[y] == 0 ? 0u : uint(id);
-        }
-    }
-}
-
-void main() {
-    Hemicube h = hemicube(gl_WorkGroupID.x);
-    uint strips = strips_of(0u) + 4u * strips_of(1u);
-    for (uint i = 0u;;) {
-        draw_strip(h, strip(i, gl_SubgroupInvocationID));
-        if (++i == strips) {
-            break;
+        if (in_face(s, pixel)) {
+            atlas.ids[texel(s, pixel)] = winner[y] == 0 ? before[y] : uint(id);
         }
     }
 }

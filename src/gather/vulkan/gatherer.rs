@@ -2,7 +2,7 @@
 
 use super::capabilities::memory_type;
 use super::clock::DeviceClock;
-use super::compute::write_tasks;
+use super::compute::{Computing, write_tasks};
 use super::context::{Context, out_of_memory};
 use super::devices::{DeviceInfo, DeviceKind};
 use super::draws::{Draws, splats_drawn};
@@ -287,7 +287,8 @@ impl VulkanGatherer {
                 record(context, slot, || draw(context, slot, &drawing), || copy(context, slot, &drawing))
             }
             (Method::Compute(compute), Attachment::Bindings(bindings)) => {
-                let compute = || compute.record(context, slot.commands, bindings, (hemicubes, layout));
+                let computing = Computing { bindings, ids: slot.drawn_into(), draws, hemicubes, layout };
+                let compute = || compute.record(context, slot.commands, &computing);
                 record(context, slot, compute, || copy_computed(context, slot, 4 * layout.texels()))
             }
             // A slot's attachment is its method's.

@@ -137,12 +137,17 @@ impl Slot {
         let ids =
             apart.then(|| Buffer::new(context, "ids", bytes, ids, MemoryLocation::GpuOnly)).transpose()?;
         let cuts = cut_buffer(context, FIRST_INDICES, cuts)?;
-        let drawn = drawn_into(ids.as_ref(), &readback);
+        let drawn = ids.as_ref().map_or(readback.raw(), Buffer::raw);
         let attachment = method.attachment(context, surfels, layout, [&hemicubes, &cuts], drawn)?;
         let (pool, commands) = command_buffer(context, "hemicubes")?;
         let fence = fence(context)?;
         let timer = context.timestamp_seconds.is_some().then(|| timer(context)).transpose()?;
         Ok(Self { attachment, layout, hemicubes, cuts, ids, readback, commands, _pool: pool, fence, timer })
+    }
+
+    /// The buffer that ids are computed into.
+    pub fn drawn_into(&self) -> vk::Buffer {
+        self.ids.as_ref().map_or(self.readback.raw(), Buffer::raw)
     }
 
     /// Puts the indices of all cuts into their buffer, which grows when it must. The device must not be using the slot.
@@ -152,7 +157,7 @@ impl Slot {
             let room = (indices.len() + 1).next_power_of_two();
             let cuts = cut_buffer(gear.context, room, gear.method.usages().cuts)?;
             let buffers = [&self.hemicubes, &cuts];
-            let drawn = drawn_into(self.ids.as_ref(), &self.readback);
+            let drawn = self.drawn_into();
             self.attachment =
                 gear.method.attachment(gear.context, gear.surfels, self.layout, buffers, drawn)?;
             self.cuts = cuts;
@@ -172,11 +177,6 @@ impl Slot {
         unsafe { context.device.get_query_pool_results(timer.raw, 0, &mut ticks, flags) }.ok()?;
         Some(ticks.map(|t| (t as f64 * seconds * 1e9) as u64))
     }
-}
-
-/// The buffer that ids are drawn into, where they are drawn into one.
-fn drawn_into(ids: Option<&Buffer>, readback: &Readback) -> vk::Buffer {
-    ids.map_or(readback.raw(), Buffer::raw)
 }
 
 fn cut_buffer(context: &Arc<Context>, indices: usize, usage: vk::BufferUsageFlags) -> VkResult<Buffer> {

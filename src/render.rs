@@ -140,7 +140,10 @@ fn bands(view: &View) -> impl Iterator<Item = Range<u32>> {
 }
 
 /// Does two things at once; the second on threads of its own: it waits for a device, which shall not wait for the first.
-fn side_by_side<A, B: Send>(
+///
+/// # Errors
+/// That of the first, or of the second.
+pub fn side_by_side<A, B: Send>(
     here: impl FnOnce() -> Result<A>,
     there: impl FnOnce() -> Result<B> + Send,
 ) -> Result<(A, B)> {

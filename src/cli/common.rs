@@ -267,7 +267,8 @@ pub fn positive(text: &str) -> std::result::Result<f64, String> {
         .ok_or_else(|| format!("must be a finite number above 0, not '{text}'"))
 }
 
-fn up_to_64(text: &str) -> std::result::Result<f32, String> {
+/// Parses a number of pixels or radii.
+pub fn up_to_64(text: &str) -> std::result::Result<f32, String> {
     text.parse::<f32>()
         .ok()
         .filter(|v| (0.0..=64.0).contains(v))
@@ -293,7 +294,8 @@ fn field_of_view(text: &str) -> std::result::Result<f64, String> {
     positive(text).ok().filter(|v| *v < 179.9).ok_or_else(|| "must lie between 0 and 179.9 degrees".into())
 }
 
-fn face_resolution(text: &str) -> std::result::Result<u32, String> {
+/// Parses a face resolution.
+pub fn face_resolution(text: &str) -> std::result::Result<u32, String> {
     text.parse::<u32>()
         .ok()
         .filter(|n| n % 2 == 0 && (MIN_RESOLUTION..=MAX_RESOLUTION).contains(n))

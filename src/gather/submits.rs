@@ -5,8 +5,6 @@ use std::time::Instant;
 /// The life of one submit, on the host's clock. The moments follow one another in the order of the fields.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SubmitTimes {
-    /// [`Batch::first`](super::Batch::first) of the batch that it belongs to.
-    pub batch: usize,
     /// Which of several devices had it.
     pub queue: usize,
     /// Hemicubes drawn, in whole or in part.

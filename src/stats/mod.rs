@@ -1,8 +1,10 @@
 //! What a run did and where its time went: counters, stage clocks, and the statistics made of them.
 
 mod clock;
+mod processor;
 
 pub use clock::{Stage, StageClock};
+pub use processor::{process_time, workers_time};
 
 use crate::error::Result;
 use crate::output::write_json;

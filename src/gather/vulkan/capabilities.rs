@@ -1,7 +1,9 @@
 //! What a Vulkan device has, in words: memory, limits that bound a batch, and the features that drawing uses.
 
-use super::devices::{graphics_family, physical_devices};
+use super::devices::{self, DeviceKind, graphics_family, physical_devices, shuffling_lanes};
 use super::instance::Instance;
+use super::memory::{self, MemoryPath};
+use super::settings::Route;
 use crate::error::{Error, Result};
 use ash::vk;
 use std::fmt;
@@ -41,6 +43,11 @@ pub struct Capabilities {
     pub limits: Vec<Limit>,
     /// Features that drawing uses, with whether they are there.
     pub features: Vec<(&'static str, bool)>,
+    /// Whether hemicubes can be computed as well as rasterised.
+    pub computes: bool,
+    /// Whether it can use memory of the host's own.
+    import: bool,
+    kind: DeviceKind,
 }
 
 /// A limit and what it bounds.
@@ -74,6 +81,9 @@ impl Capabilities {
             memory_types: memory.memory_types_as_slice().iter().filter_map(memory_type).collect(),
             limits: limits(&properties.limits),
             features: features(&instance, device, &properties),
+            computes: shuffling_lanes(&instance, device).is_some(),
+            import: offers_import(&instance, device),
+            kind: devices::kind(properties.device_type),
         })
     }
 
@@ -82,9 +92,19 @@ impl Capabilities {
         self.heaps.iter().all(|heap| heap.device_local)
     }
 
-    /// Whether the device can draw straight into memory that the host reads through its caches.
-    pub fn mappable_cached(&self) -> bool {
-        self.memory_types.iter().any(|t| t.device_local && t.host_visible && t.host_cached)
+    /// The route that hemicubes of ordinary size take here.
+    pub fn route(&self) -> Route {
+        if self.computes && self.kind == DeviceKind::Cpu { Route::Compute } else { Route::Raster }
+    }
+
+    /// The way of ids to the host that suits the device, and why.
+    pub fn memory_path(&self) -> (MemoryPath, &'static str) {
+        memory::suitable(&self.memory_types, self.import, self.route() == Route::Compute)
+    }
+
+    /// Whether the device has what a way of ids to the host needs on a route.
+    pub fn offers(&self, path: MemoryPath, route: Route) -> bool {
+        memory::offered(path, &self.memory_types, self.import, route == Route::Compute)
     }
 }
 

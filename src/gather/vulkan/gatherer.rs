@@ -314,10 +314,9 @@ impl VulkanGatherer {
         let job = &mut self.jobs[flight.job - self.jobs_done];
         job.pending -= 1;
         let bytes_down = read(&slot.readback, &flight, &mut job.atlas);
-        let (batch, queue, read) = (job.batch.first, 0, Instant::now());
+        let (queue, read) = (0, Instant::now());
         let splats = flight.layout.capacity() as f64 * job.splats;
         let times = SubmitTimes {
-            batch,
             queue,
             hemicubes,
             bytes_up,

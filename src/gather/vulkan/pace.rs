@@ -148,7 +148,6 @@ mod tests {
     fn submit(zero: Instant, begun: u64, began: u64, copied: u64) -> SubmitTimes {
         let at = |milliseconds| zero + Duration::from_millis(milliseconds);
         SubmitTimes {
-            batch: 0,
             queue: 0,
             hemicubes: 1,
             bytes_up: 0,

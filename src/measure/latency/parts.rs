@@ -138,7 +138,6 @@ mod tests {
         let at = at.map(|t| zero + Duration::from_micros(t));
         let device = DeviceTimes { began: at[4], drawn: at[5], copied: at[6] };
         SubmitTimes {
-            batch: 0,
             queue: 0,
             hemicubes: 1,
             bytes_up: 0,

@@ -28,7 +28,7 @@ struct Cli {
 enum Command {
     /// Render a scene to a picture
     #[command(allow_negative_numbers = true)]
-    Render(render::RenderArgs),
+    Render(Box<render::RenderArgs>),
     /// Read points and normals from standard input, write the irradiance at each to standard output
     ///
     /// A line in is "x y z nx ny nz" in scene units, a line out "r g b" in W m-2, in the same order. Empty lines and those

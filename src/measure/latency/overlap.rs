@@ -98,7 +98,7 @@ pub fn measure(
     for _ in 0..ROUNDS {
         let gather = timed(|| works.gather(gatherer))?;
         let direct = timed(|| works.light())?;
-        let together = timed(|| side_by_side(|| works.light(), || works.gather(gatherer)).map(|_| ()))?;
+        let together = timed(|| both(|| works.light(), || works.gather(gatherer)))?;
         loads.push([gather, direct, together]);
     }
     let median = |work: usize| Load {
@@ -153,6 +153,10 @@ impl Works<'_> {
             Ok(())
         })
     }
+}
+
+fn both(direct: impl FnOnce() -> Result<()>, gather: impl FnOnce() -> Result<()> + Send) -> Result<()> {
+    side_by_side(&Run::default(), direct, gather).map(|_| ())
 }
 
 fn timed(work: impl FnOnce() -> Result<()>) -> Result<Load> {

@@ -91,14 +91,17 @@ pub fn run(args: &LatencyArgs) -> Result<()> {
     let run = args.messages.run();
     let subject = subject(args, &run)?;
     let plan = Plan::new(args.effort, args.largest_batch as usize, buses(args));
+    let words = in_words(args, &subject);
+    let tabulate = |text: String| match args.json.as_deref().is_some_and(is_standard_output) {
+        true => Ok(()),
+        false => print(&text),
+    };
+    tabulate(format!("{words}\n"))?;
     let mut surveys = Vec::with_capacity(devices.len());
     for device in &devices {
-        surveys.push(Survey::of(device, &subject, &plan, &run)?);
-    }
-    let words = in_words(args, &subject);
-    if !args.json.as_deref().is_some_and(is_standard_output) {
-        let tables: Vec<String> = surveys.iter().map(table).collect();
-        print(&format!("{words}\n\n{}", tables.join("\n")))?;
+        let survey = Survey::of(device, &subject, &plan, &run)?;
+        tabulate(format!("\n{}", table(&survey)))?;
+        surveys.push(survey);
     }
     if let Some(path) = &args.json {
         write_json(&to_json(args, &subject, &surveys), path)?;

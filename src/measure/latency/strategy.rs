@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 pub const BATCHES: [usize; 7] = [1, 4, 16, 64, 256, 1024, 4096];
 /// The batch at which ways of memory are compared.
 pub const MEMORY_BATCH: usize = 256;
-/// Batches under way where ways of memory are compared.
-const MEMORY_IN_FLIGHT: usize = 3;
+/// Batches under way where ways of memory are compared: alone, so that nothing else delays what is looked at.
+const MEMORY_IN_FLIGHT: usize = 1;
 
 /// A way of gathering, whatever the batch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! Everything that is measured of a device.
 
 use super::cell::{Cell, Effort};
-use super::link::{Machine, play};
+use super::link::{BatchCost, Machine, play};
 use super::overlap::{self, Overlap};
 use super::parts::Part;
 use super::strategy::{BATCHES, MEMORY_BATCH, Strategy};
@@ -26,8 +26,6 @@ pub struct Survey {
     pub chosen: String,
     /// All measurements.
     pub cells: Vec<Cell>,
-    /// Seconds that drawing a hemicube takes in the largest batches; 0 where the CPU draws.
-    pub drawing: f64,
     /// Gathers beside direct light.
     pub overlaps: Vec<Overlap>,
     /// What other machines would take, as a model has it.
@@ -82,7 +80,6 @@ impl Survey {
             device: device.clone(),
             chosen: String::new(),
             cells: Vec::new(),
-            drawing: 0.0,
             overlaps: Vec::new(),
             simulated: Vec::new(),
         };
@@ -101,7 +98,6 @@ impl Survey {
             }
         }
         survey.chosen = subject.chosen(survey.device.device)?;
-        survey.drawing = survey.drawing();
         survey.overlap(subject, plan)?;
         survey.simulate(&plan.machines);
         Ok(survey)
@@ -150,9 +146,10 @@ impl Survey {
         self.cells.iter().map(|cell| cell.batch).max().unwrap_or(1)
     }
 
-    fn drawing(&self) -> f64 {
-        let one = self.best_route().and_then(|route| self.cell(Strategy::atlas(route, 1), self.largest()));
-        one.map_or(0.0, |cell| cell.gathers[Part::Draw as usize].median)
+    /// Seconds that drawing a hemicube takes in the largest batches of a route.
+    fn drawing(&self, route: Route) -> f64 {
+        let largest = self.cell(Strategy::atlas(route, 1), self.largest());
+        largest.map_or(0.0, |cell| cell.gathers[Part::Draw as usize].median)
     }
 
     fn overlap(&mut self, subject: &Subject, plan: &Plan) -> Result<()> {
@@ -164,8 +161,9 @@ impl Survey {
         let mut gatherer = subject.gatherer(strategy, batch, self.index())?;
         let what = format!("{}, {}", self.device.name, strategy.name());
         self.overlaps.push(overlap::measure(what, subject, &batches, gatherer.as_mut())?);
-        let one = self.best_route().and_then(|route| self.cell(Strategy::atlas(route, 1), batch));
-        let Some(cost) = one.map(|cell| cell.cost(self.drawing).submit) else { return Ok(()) };
+        let Some(route) = self.best_route() else { return Ok(()) };
+        let one = self.cell(Strategy::atlas(route, 1), batch);
+        let Some(cost) = one.map(|cell| cell.cost(self.drawing(route)).submit) else { return Ok(()) };
         for machine in plan.machines.iter().filter(|machine| machine.link.latency > 0.0) {
             let measured = (subject, batches.as_slice());
             let simulated = overlap::simulate(machine, cost, IN_FLIGHT, measured, gatherer.as_mut())?;
@@ -177,24 +175,28 @@ impl Survey {
     fn simulate(&mut self, machines: &[Machine]) {
         let Some(route) = self.best_route() else { return };
         let one_by_one = Strategy::atlas(route, 1);
-        let costs: Vec<(Strategy, usize, super::link::BatchCost)> = self
+        let costs: Vec<(&Cell, BatchCost)> = self
             .cells
             .iter()
             .filter(|cell| cell.strategy == Strategy::FACE_BY_FACE || cell.strategy == one_by_one)
-            .map(|cell| (cell.strategy, cell.batch, cell.cost(self.drawing)))
+            .map(|cell| {
+                let route = if cell.strategy == one_by_one { route } else { Route::Raster };
+                (cell, cell.cost(self.drawing(route)))
+            })
             .collect();
-        for (machine, &(strategy, batch, cost)) in
-            machines.iter().flat_map(|m| costs.iter().map(move |c| (m, c)))
-        {
-            let several = if strategy == one_by_one { vec![1, IN_FLIGHT] } else { vec![1] };
-            self.simulated.extend(several.into_iter().map(|in_flight| Simulated {
+        let mut simulated = Vec::new();
+        for (machine, (cell, cost)) in machines.iter().flat_map(|m| costs.iter().map(move |c| (m, c))) {
+            let atlas = cell.strategy == one_by_one;
+            let several: &[usize] = if atlas { &[1, IN_FLIGHT] } else { &[1] };
+            simulated.extend(several.iter().map(|&in_flight| Simulated {
                 machine: machine.name.clone(),
-                strategy: if strategy == one_by_one { "atlas".into() } else { strategy.name() },
-                batch,
+                strategy: if atlas { "atlas".into() } else { cell.strategy.name() },
+                batch: cell.batch,
                 in_flight,
-                seconds: play(machine, &cost, in_flight) / batch as f64,
+                seconds: play(machine, cost, in_flight) / cell.gathers_a_batch(),
             }));
         }
+        self.simulated = simulated;
     }
 
     /// As JSON.
@@ -204,7 +206,6 @@ impl Survey {
         json!({
             "device": { "name": name, "kind": kind.to_string(), "driver": driver },
             "chosen": self.chosen,
-            "drawing_seconds_a_gather": self.drawing,
             "measurements": self.cells.iter().map(Cell::to_json).collect::<Vec<_>>(),
             "overlap": self.overlaps.iter().map(Overlap::to_json).collect::<Vec<_>>(),
             "simulated": simulated,

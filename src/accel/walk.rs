@@ -94,6 +94,14 @@ impl Stack {
     /// Adds children of a node, by their bits; the nearest becomes the next, unless the order does not matter.
     #[inline(always)]
     fn push_met<const ANY: bool>(&mut self, node: &Node, mut met: u32, distances: &[f32; LANES]) {
+        if ANY || met & met.wrapping_sub(1) == 0 {
+            while met != 0 {
+                let lane = met.trailing_zeros() as usize;
+                met &= met - 1;
+                self.push(Waiting { t: distances[lane], child: node.child(lane) });
+            }
+            return;
+        }
         let mut sorted = [Waiting { t: 0.0, child: Child::ROOT }; LANES];
         let mut count = 0;
         while met != 0 {
@@ -101,7 +109,7 @@ impl Stack {
             met &= met - 1;
             let waiting = Waiting { t: distances[lane], child: node.child(lane) };
             let mut at = count;
-            while !ANY && at > 0 && sorted[at - 1].t < waiting.t {
+            while at > 0 && sorted[at - 1].t < waiting.t {
                 sorted[at] = sorted[at - 1];
                 at -= 1;
             }

@@ -170,15 +170,25 @@ fn children(binary: &Bvh2, subtree: Subtree) -> Vec<Subtree> {
         children.swap_remove(largest);
         children.extend(halves.into_iter().flatten());
     }
-    let mut i = 0;
-    while i < children.len() && children.len() < LANES {
-        match children[i].halves(binary) {
-            Some(halves) if halves[0].area + halves[1].area < WORTH_DIVIDING * children[i].area => {
-                children.swap_remove(i);
-                children.extend(halves);
-            }
-            _ => i += 1,
+    while children.len() < LANES {
+        let gains = children.iter().map(|child| gain(binary, child)).enumerate();
+        let Some((best, gain)) = gains.max_by(|a, b| a.1.total_cmp(&b.1)) else { break };
+        if gain <= 0.0 {
+            break;
         }
+        let halves = children[best].halves(binary);
+        children.swap_remove(best);
+        children.extend(halves.into_iter().flatten());
     }
     children
+}
+
+/// What dividing a small leaf saves, as an area; above 0 if it is worth the room.
+fn gain(binary: &Bvh2, leaf: &Subtree) -> f32 {
+    let node = &binary.nodes[leaf.node as usize];
+    if leaf.few.is_none() || node.is_leaf() {
+        return 0.0;
+    }
+    let area = |i: u32| binary.nodes[(node.first_index + i) as usize].aabb().half_area();
+    WORTH_DIVIDING * leaf.area - area(0) - area(1)
 }

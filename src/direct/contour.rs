@@ -172,3 +172,19 @@ pub(super) fn arc(a: DVec3, b: DVec3) -> (DVec3, DVec3) {
     let length = cross.length();
     if length > 0.0 { (cross * (length.atan2(cosine) / length), sine) } else { (DVec3::ZERO, DVec3::ZERO) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arcs_are_as_long_as_their_angles() {
+        for degrees in [1e-6f64, 0.1, 3.0, 5.7, 5.8, 15.0, 26.5, 26.6, 60.0, 90.0, 120.0, 179.0] {
+            let angle = degrees.to_radians();
+            let (a, b) = (DVec3::X * 3.0, DVec3::new(angle.cos(), angle.sin(), 0.0) * 0.2);
+            let (arc, sine) = arc(a, b);
+            assert!((arc.z / angle - 1.0).abs() < 1e-9, "{} for {angle}", arc.z);
+            assert!((sine.z / angle.sin() - 1.0).abs() < 1e-9, "{} for {angle}", sine.z);
+        }
+    }
+}

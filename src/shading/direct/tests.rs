@@ -6,6 +6,7 @@ use crate::progress::Reporter;
 use crate::run::Run;
 use crate::scene::{Camera, Material, PunctualEmission, PunctualLight, Scene, SceneDescription, Shape};
 use crate::settings::GatherMethod;
+use crate::world::World;
 use glam::DVec3;
 
 const FLOOR: u32 = 0;

@@ -9,6 +9,9 @@ use crate::lanes::{F32x8, LANES, Mask8};
 use crate::scene::Scene;
 use obvhs::bvh2::Bvh2;
 
+/// More than the rounding of the distance at which a ray leaves a box, relative (Ize, "Robust BVH Ray Traversal", JCGT 2013).
+const FURTHER: f32 = 1.0 + 4e-7;
+
 /// Marks a child that is a block.
 const BLOCK: u32 = 1 << 31;
 
@@ -68,14 +71,15 @@ impl Node {
     /// The children whose boxes a ray meets before `tmax`, one bit each, and the distances to the boxes.
     #[inline(always)]
     pub fn enter<F: F32x8>(&self, ray: &RayLanes<F>, tmax: f32) -> (u32, [f32; LANES]) {
-        let (mut enter, mut leave) = (F::splat(0.0), F::splat(tmax));
+        let (mut enter, mut leave) = (F::splat(0.0), F::splat(f32::INFINITY));
         for axis in 0..3 {
             let near = ray.near[axis];
             let far = if near == axis { axis + 3 } else { axis };
             let (near, far) = (F::load(&self.planes[near]), F::load(&self.planes[far]));
             enter = enter.max((near - ray.origin[axis]) * ray.inverse[axis]);
-            leave = leave.min((far - ray.origin[axis]) * ray.beyond[axis]);
+            leave = leave.min((far - ray.origin[axis]) * ray.inverse[axis]);
         }
+        let leave = (leave * F::splat(FURTHER)).min(F::splat(tmax));
         (enter.le(leave).bits(), enter.to_array())
     }
 }

@@ -10,6 +10,7 @@ pub mod direct;
 pub mod error;
 pub mod film;
 pub mod gather;
+pub mod grade;
 mod heap;
 pub mod hemicube;
 pub mod image_io;

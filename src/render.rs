@@ -5,18 +5,16 @@ use crate::error::{Error, Result};
 use crate::film::{Aov, Film};
 use crate::gather::device::Chosen;
 use crate::run::Run;
-use crate::scene::Scene;
 use crate::scenery::Scenery;
 use crate::settings::{GatherMethod, Settings};
 use crate::shading::direct::direct_light;
-use crate::shading::indirect::Gathering;
+use crate::shading::indirect::{Gathering, IndirectLight};
 use crate::shading::points::View;
 use crate::shading::shade::develop;
 use crate::shading::visible::Visible;
 use crate::stats::Stage;
 use crate::surfel::cloud::SurfelCloud;
 use crate::world::World;
-use glam::Vec3;
 use std::ops::Range;
 
 /// Pixels that are rendered together: all of an ordinary picture, few enough to bound the memory of a huge one.
@@ -28,7 +26,7 @@ const BAND_PIXELS: u32 = 1 << 22;
 /// # Errors
 /// When surfels cannot be generated as asked, the device fails, or the user interrupts.
 pub fn render_scene(
-    scene: Scene,
+    scenery: &Scenery,
     cloud: Option<SurfelCloud>,
     view: &View,
     settings: &Settings,
@@ -39,7 +37,7 @@ pub fn render_scene(
         let rows = bands(view).next().unwrap_or_default();
         Band::look(scenery, view, rows, run)?.lit_early(scenery, view, settings, device, run)
     };
-    let (world, first) = World::prepare_beside(scene, cloud, settings, run, look)?;
+    let (world, first) = World::prepare_beside(scenery, cloud, settings, run, look)?;
     let film = render_from(&world, view, settings, aovs, run, Some(first))?;
     Ok((world, film))
 }
@@ -66,6 +64,7 @@ fn render_from(
 ) -> Result<Film> {
     let scenery = world.scenery();
     let mut film = Film::new(view.width, view.height, aovs);
+    film.keep_reflected(settings.reflected);
     let mut gathering = match settings.gather {
         GatherMethod::None => None,
         _ => Some(Gathering::new(world, settings, run)?),
@@ -78,7 +77,7 @@ fn render_from(
         run.counters.count_shading_points(visible.points.len());
         let light = || direct.map_or_else(|| light(&scenery, view, settings, &visible, run), Ok);
         let (direct, indirect) = match &mut gathering {
-            None => (light()?, vec![Vec3::ZERO; visible.points.len()]),
+            None => (light()?, IndirectLight::none(visible.points.len(), settings)),
             Some(gathering) if gathering.on_cpu() => (light()?, gathering.light(view, &visible)?),
             Some(gathering) => side_by_side(light, || gathering.light(view, &visible))?,
         };

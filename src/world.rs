@@ -24,6 +24,7 @@ use crate::surfel::cloud::SurfelCloud;
 use crate::surfel::drawable::Drawables;
 use crate::surfel::generate::{Density, GenerateSettings, generate};
 use crate::surfel::hidden::visible_areas;
+use crate::surfel::hit_light::{Anew, HitLight};
 use crate::surfel::lookup::{RadianceLookup, SideLookup};
 use crate::surfel::shade::{ShadeSettings, shade};
 use crate::surfel::transfer::{Transfer, reflecting_sides, side_frame};
@@ -49,6 +50,10 @@ pub struct World {
     pub drawables: Drawables,
     /// The light that surfaces send, for rays to look up: those of traced gathers, or of the near field.
     pub lookup: Option<RadianceLookup>,
+    /// The part of it that comes from the lights by one reflection, where there is more.
+    direct_lookup: Option<RadianceLookup>,
+    /// `Settings::emitters`.
+    emitters: Emitters,
     /// Pixel weights of the hemicube.
     pub weights: Weights,
     /// What gathers, and why that.
@@ -57,6 +62,8 @@ pub struct World {
     pub closed: ClosedTest,
     /// `Settings::near_field`.
     near_field: f32,
+    /// Whether gathers count what shows its black back.
+    census: bool,
     near_field_rays: AtomicU64,
 }
 
@@ -66,7 +73,8 @@ impl World {
     /// # Errors
     /// When surfels cannot be generated as asked, or the device fails.
     pub fn prepare(scene: Scene, cloud: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<Self> {
-        Self::prepare_beside(scene, cloud, settings, run, |_, _| Ok(())).map(|(world, ())| world)
+        let scenery = run.clock.time(Stage::Load, || Scenery::new(scene));
+        Self::prepare_beside(&scenery, cloud, settings, run, |_, _| Ok(())).map(|(world, ())| world)
     }
 
     /// As [`World::prepare`], while other threads do something else that needs no surfels, with the device in mind that will
@@ -75,19 +83,18 @@ impl World {
     /// # Errors
     /// As [`World::prepare`], or those of what is done beside it.
     pub fn prepare_beside<T: Send>(
-        scene: Scene,
+        scenery: &Scenery,
         cloud: Option<SurfelCloud>,
         settings: &Settings,
         run: &Run,
         beside: impl FnOnce(&Scenery, Chosen) -> Result<T> + Send,
     ) -> Result<(Self, T)> {
-        let scenery = run.clock.time(Stage::Load, || Scenery::new(scene));
         let mut world = Self::without_surfels(scenery.clone(), settings)?;
-        run.reporter.info(&format!("device: {} ({})", world.device.name, world.device.reason));
+        run.reporter.info_once(&format!("device: {} ({})", world.device.name, world.device.reason));
         run.reporter.verbose(|| format!("features: {}", world.scene.features().join(", ")));
         let device = world.device.device;
         let (prepared, done) =
-            rayon::join(|| world.prepare_gathering(cloud, settings, run), || beside(&scenery, device));
+            rayon::join(|| world.prepare_gathering(cloud, settings, run), || beside(scenery, device));
         prepared?;
         Ok((world, done?))
     }
@@ -102,10 +109,13 @@ impl World {
             tree: None,
             drawables: Drawables::default(),
             lookup: None,
+            direct_lookup: None,
+            emitters: settings.emitters,
             weights: Weights::new(settings.face_resolution),
             device: choose_device(settings)?,
             closed: ClosedTest::none(),
             near_field: settings.near_field,
+            census: settings.diagnostics,
             near_field_rays: AtomicU64::new(0),
         })
     }
@@ -138,9 +148,10 @@ impl World {
         self.drawables = Drawables::new(&self.cloud, self.tree.as_ref());
         self.drawables.enclosing = self.closed.encloses();
         run.reporter.verbose(|| self.surfels_in_words(settings));
-        self.bounce(settings, run)?;
-        if settings.near_field > 0.0 {
-            self.prepare_lookup(run);
+        let near_field = settings.near_field > 0.0;
+        self.bounce(settings, near_field, run)?;
+        if near_field {
+            self.lookup = Some(self.make_lookup(run));
         }
         Ok(())
     }
@@ -149,9 +160,8 @@ impl World {
         SurfelTree::weighted(&self.cloud, &visible_areas(&self.cloud, &self.accel, &self.closed))
     }
 
-    fn prepare_lookup(&mut self, run: &Run) {
-        let make = || RadianceLookup::new(&self.accel, &self.closed, &self.cloud);
-        self.lookup = Some(run.clock.time(Stage::Surfels, make));
+    fn make_lookup(&self, run: &Run) -> RadianceLookup {
+        run.clock.time(Stage::Surfels, || RadianceLookup::new(&self.accel, &self.closed, &self.cloud))
     }
 
     /// Rays that have replaced hemicube pixels near their receivers.
@@ -162,8 +172,8 @@ impl World {
     /// Rays see true surfaces, one by one: they need no tree.
     fn prepare_tracing(&mut self, cloud: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<()> {
         self.prepare_surfels(cloud, settings, run)?;
-        self.bounce(settings, run)?;
-        self.prepare_lookup(run);
+        self.bounce(settings, true, run)?;
+        self.lookup = Some(self.make_lookup(run));
         run.reporter.verbose(|| {
             let bytes = self.lookup.as_ref().map_or(0, RadianceLookup::bytes);
             format!("{} surfels, looked up in {} kB", self.cloud.len(), bytes.div_ceil(1000))
@@ -201,8 +211,9 @@ impl World {
         Ok(cloud)
     }
 
-    /// Reflects light among the surfels as often as asked, so that one gather at a shading point sees all bounces.
-    fn bounce(&mut self, settings: &Settings, run: &Run) -> Result<()> {
+    /// Reflects light among the surfels as often as asked, so that one gather at a shading point sees all bounces. For rays,
+    /// the light before that is kept.
+    fn bounce(&mut self, settings: &Settings, for_rays: bool, run: &Run) -> Result<()> {
         let among_surfels = match settings.emitters {
             // Shading the surfels was the first reflection of directly sampled light.
             Emitters::Sample => settings.bounces.limit().saturating_sub(1),
@@ -210,6 +221,9 @@ impl World {
         };
         if among_surfels == 0 {
             return Ok(());
+        }
+        if for_rays && settings.emitters == Emitters::Sample {
+            self.direct_lookup = Some(self.make_lookup(run));
         }
         let transfer = self.transfer(settings, run)?;
         let tolerance = if settings.bounces == Bounces::Infinite { BOUNCE_TOLERANCE } else { 0.0 };
@@ -285,14 +299,23 @@ impl World {
         order(receivers, self.tree.as_ref(), &cut, batch_size)
     }
 
+    /// What the hits of a gather's rays send; `None` without [`World::lookup`].
+    pub fn hit_light(&self) -> Option<HitLight<'_>> {
+        let anew = Anew { lights: &self.lights, direct: self.direct_lookup.as_ref() };
+        let anew = (self.emitters == Emitters::Sample).then_some(anew);
+        self.lookup.as_ref().map(|lookup| HitLight { accel: &self.accel, lookup, anew })
+    }
+
     /// Turns surfel ids into irradiance.
     pub fn convolver(&self) -> Convolver<'_> {
-        let convolver = Convolver::new(&self.drawables, &self.weights, self.scene.background);
-        match &self.lookup {
+        let mut convolver = Convolver::new(&self.drawables, &self.weights, self.scene.background);
+        if self.census {
+            convolver = convolver.with_census();
+        }
+        match self.hit_light() {
             None => convolver,
-            Some(lookup) => convolver.with_near_field(NearField {
-                accel: &self.accel,
-                lookup,
+            Some(light) => convolver.with_near_field(NearField {
+                light,
                 radii: self.near_field,
                 surfels: self.cloud.len(),
                 rays: &self.near_field_rays,
@@ -321,7 +344,7 @@ impl World {
         convolver: Option<Convolver<'a>>,
         settings: &Settings,
     ) -> Result<Box<dyn Gatherer + 'a>> {
-        let surfels = Surfels { drawables: &self.drawables, lookup: self.lookup.as_ref(), convolver };
+        let surfels = Surfels { drawables: &self.drawables, light: self.hit_light(), convolver };
         create(self.device.device, &self.accel, &self.lights, surfels, settings)
     }
 }

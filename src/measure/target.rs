@@ -167,7 +167,10 @@ impl Search {
     pub fn warn(&self, got: &Verification, run: &Run) {
         let Goal { error, seconds } = self.target.goal;
         let used = self.target.started.elapsed().as_secs_f64();
-        if let Some(asked) = error.filter(|asked| got.interval[0] > *asked || self.verdict != Verdict::Kept) {
+        let missed = |asked: &f64| {
+            got.interval[0] > *asked || (self.verdict != Verdict::Kept && got.relative_rms > *asked)
+        };
+        if let Some(asked) = error.filter(missed) {
             let reason = match self.verdict {
                 Verdict::NoTime => ": the time does not suffice",
                 Verdict::TooFine => ": no settings do better",

@@ -23,6 +23,7 @@ pub mod progress;
 pub mod render;
 pub mod run;
 pub mod scene;
+pub mod scenery;
 pub mod settings;
 pub mod shading;
 pub mod stats;

@@ -259,7 +259,8 @@ pub fn finite(text: &str) -> std::result::Result<f32, String> {
         .ok_or_else(|| format!("must be a finite number, not '{text}'"))
 }
 
-fn positive(text: &str) -> std::result::Result<f64, String> {
+/// Parses a finite number above 0.
+pub fn positive(text: &str) -> std::result::Result<f64, String> {
     text.parse::<f64>()
         .ok()
         .filter(|v| v.is_finite() && *v > 0.0)
@@ -303,6 +304,7 @@ fn frames_in_flight(text: &str) -> std::result::Result<usize, String> {
     text.parse::<usize>().ok().filter(|n| (1..=16).contains(n)).ok_or_else(|| "must be from 1 to 16".into())
 }
 
-fn threads(text: &str) -> std::result::Result<usize, String> {
+/// Parses a number of worker threads.
+pub fn threads(text: &str) -> std::result::Result<usize, String> {
     text.parse::<usize>().ok().filter(|n| *n <= 1024).ok_or_else(|| "must be from 0 to 1024".into())
 }

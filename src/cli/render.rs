@@ -10,13 +10,13 @@ use crate::grade::Grade;
 use crate::image_io::{ImageFormat, write};
 use crate::measure::target::{Made, Search, Target};
 use crate::measure::verify::verify;
-use crate::render::render;
+use crate::render::render_scene;
 use crate::run::Run;
 use crate::scene::{Camera, Scene};
+use crate::scenery::Scenery;
 use crate::settings::{GatherMethod, Settings};
 use crate::shading::points::View;
 use crate::stats::{Section, Stage, Stats};
-use crate::world::World;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -83,19 +83,16 @@ pub fn run(args: &RenderArgs) -> Result<()> {
 fn render_to_file(args: &RenderArgs, format: ImageFormat) -> Result<()> {
     let started = Instant::now();
     let mut run = args.messages.run();
-    let (scene, camera) = run.clock.time(Stage::Load, || -> Result<_> {
+    let (scenery, camera) = run.clock.time(Stage::Load, || -> Result<_> {
         let description = args.scene.load(&run)?;
         let camera = args.camera.camera(&description)?;
-        Ok((Scene::new(&description)?, camera))
+        Ok((Scenery::new(Scene::new(&description)?), camera))
     })?;
     let target = args.promise.target(started, args.transport.seed);
     let (mut made, search) = match target {
-        None => (
-            make(args, &camera, Source::Scene(scene), settings(args, args.transport.settings())?, &run)?,
-            None,
-        ),
+        None => (make(args, &camera, &scenery, settings(args, args.transport.settings())?, &run)?, None),
         Some(target) => {
-            let (made, search) = choose(args, &camera, scene, target, &mut run)?;
+            let (made, search) = choose(args, &camera, &scenery, target, &mut run)?;
             (made, Some(search))
         }
     };
@@ -108,27 +105,17 @@ fn render_to_file(args: &RenderArgs, format: ImageFormat) -> Result<()> {
     report(args, &made, sections, &run, started)
 }
 
-/// Where the world of a picture comes from.
-enum Source {
-    Scene(Scene),
-    /// That of a picture with other settings.
-    World(World),
-}
-
 /// Makes the picture.
-fn make(args: &RenderArgs, camera: &Camera, source: Source, settings: Settings, run: &Run) -> Result<Made> {
-    let world = match source {
-        Source::Scene(scene) => {
-            let cloud = args.transport.cloud(&scene)?;
-            World::prepare(scene, cloud, &settings, run)?
-        }
-        Source::World(world) => {
-            let cloud = args.transport.cloud(&world.scene)?;
-            world.prepared_for(cloud, &settings, run)?
-        }
-    };
-    let view = View::new(&world.scene, camera, args.width, args.height, settings.samples, settings.seed);
-    let film = render(&world, &view, &settings, &args.aov, run)?;
+fn make(
+    args: &RenderArgs,
+    camera: &Camera,
+    scenery: &Scenery,
+    settings: Settings,
+    run: &Run,
+) -> Result<Made> {
+    let cloud = args.transport.cloud(&scenery.scene)?;
+    let view = View::new(&scenery.scene, camera, args.width, args.height, settings.samples, settings.seed);
+    let (world, film) = render_scene(scenery, cloud, &view, &settings, &args.aov, run)?;
     Ok(Made { world, view, settings, film })
 }
 
@@ -136,19 +123,14 @@ fn make(args: &RenderArgs, camera: &Camera, source: Source, settings: Settings, 
 fn choose(
     args: &RenderArgs,
     camera: &Camera,
-    scene: Scene,
+    scenery: &Scenery,
     target: Target,
     run: &mut Run,
 ) -> Result<(Made, Search)> {
     // Whatever is wrong with the options is wrong at every grade.
     settings(args, args.transport.settings_at(Grade::LOWEST))?;
-    let mut scene = Some(scene);
     let at = |grade| with_own(args, args.transport.settings_at(grade));
-    let make = |grade, world: Option<World>, run: &Run| {
-        let source = world.map(Source::World).or_else(|| scene.take().map(Source::Scene));
-        let source = source.ok_or_else(|| Error::Failed("no scene is left for another picture".into()))?;
-        make(args, camera, source, at(grade), run)
-    };
+    let make = |grade, run: &Run| make(args, camera, scenery, at(grade), run);
     target.reach(at, make, run)
 }
 

@@ -11,9 +11,9 @@
 
 use super::frame::{FACES, Receiver, from_face, pixel_direction, rows};
 use super::weights::Weights;
-use crate::accel::{Accel, RAY_OFFSET, offset_origin};
+use crate::accel::{RAY_OFFSET, offset_origin};
 use crate::math::Frame;
-use crate::surfel::lookup::RadianceLookup;
+use crate::surfel::hit_light::{GatherRay, HitLight};
 use glam::Vec3;
 use std::ops::AddAssign;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -25,10 +25,8 @@ const EDGE: f32 = 1.3;
 /// What rays see in place of drawn pixels.
 #[derive(Clone, Copy)]
 pub struct NearField<'a> {
-    /// Finds what a ray meets.
-    pub accel: &'a Accel,
-    /// Tells what that sends.
-    pub lookup: &'a RadianceLookup,
+    /// Finds what a ray meets, and tells what that sends.
+    pub light: HitLight<'a>,
     /// Surfels nearer than so many of their radii are near.
     pub radii: f32,
     /// Drawables from this number on are clusters.
@@ -144,9 +142,12 @@ impl NearField<'_> {
         let (u, v) = pixel_direction(face, x as u32, y as u32, 1.0 / n as f32);
         let direction = frame.to_world(from_face(face, Vec3::new(u, v, 1.0))).normalize();
         let origin = offset_origin(receiver.position, receiver.normal, direction);
-        match self.accel.closest_point(origin, direction, f32::INFINITY) {
-            Some(hit) => (self.lookup.radiance(&hit), 1.0 / hit.t.max(RAY_OFFSET)),
-            None => (self.accel.scene().background, 0.0),
+        let accel = self.light.accel;
+        let place = ((face * n + y) * n + x) as u64;
+        let ray = GatherRay { origin, direction, stream: u64::from(receiver.seed) << 32 | place };
+        match accel.closest_point(origin, direction, f32::INFINITY) {
+            Some(hit) => (self.light.radiance(&ray, &hit), 1.0 / hit.t.max(RAY_OFFSET)),
+            None => (accel.scene().background, 0.0),
         }
     }
 }

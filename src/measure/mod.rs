@@ -1,4 +1,4 @@
-//! Measuring: how far two pictures are apart, how far one is from the truth, and which settings bring it near enough.
+//! Measuring: how far two pictures are apart, how far one is from the truth, what settings do to that, and charts of it.
 
 mod chosen;
 mod cost;
@@ -7,6 +7,8 @@ mod interval;
 pub mod metrics;
 pub mod pilot;
 mod pixel_paths;
+pub mod plot;
 mod ssim;
+pub mod sweep;
 pub mod target;
 pub mod verify;

@@ -59,14 +59,14 @@ pub struct Search {
 }
 
 impl Target {
-    /// Makes pictures, each from the world of the one before, until one keeps the promise or none can.
+    /// Makes pictures until one keeps the promise or none can.
     ///
     /// # Errors
     /// When making one fails, or the user interrupts.
     pub fn reach(
         self,
         settings: impl Fn(Grade) -> Settings,
-        mut make: impl FnMut(Grade, Option<World>, &Run) -> Result<Made>,
+        mut make: impl FnMut(Grade, &Run) -> Result<Made>,
         run: &mut Run,
     ) -> Result<(Made, Search)> {
         let mut pilot = Pilot::new(self.goal, settings);
@@ -74,22 +74,22 @@ impl Target {
         let mut seconds = None;
         loop {
             let step = pilot.next(self.left());
+            // The last picture goes before the next one comes.
             let (grade, expected) = match (step, made.take()) {
                 (Step::Done(verdict), Some(made)) => {
                     let search = Search { target: self, verdict, trials: pilot.trials().to_vec(), seconds };
                     return Ok((made, search));
                 }
-                (Step::Try(grade, expected), before) => {
+                (Step::Try(grade, expected), _) => {
                     self.announce(&pilot, grade, expected, run);
                     seconds = pilot.seconds_at(grade).map(|s| self.total(s));
-                    made = before;
                     (grade, expected)
                 }
                 (Step::Done(_), None) => (Grade::new(0.0), None),
             };
             run.forget_work();
             let began = Instant::now();
-            let found = make(grade, made.take().map(|made| made.world), run)?;
+            let found = make(grade, run)?;
             let (seconds, busy) =
                 (began.elapsed().as_secs_f64(), Stage::ALL.map(|stage| run.clock.busy(stage).as_secs_f64()));
             let error = self.error(&mut check, &found)?;

@@ -22,6 +22,7 @@
 
 mod buffers;
 mod capabilities;
+mod compute;
 mod context;
 mod devices;
 mod draws;
@@ -35,13 +36,15 @@ mod pace;
 mod pass;
 mod pipeline_cache;
 mod record;
+mod route;
 mod settings;
 mod slot;
+mod targets;
 mod validation;
 mod vertices;
 
 pub use capabilities::{Capabilities, Heap, Limit, MemoryType, bytes};
 pub use devices::{DeviceInfo, DeviceKind, list_devices};
 pub use gatherer::VulkanGatherer;
-pub use settings::{BatchSize, FacesPerPass, GatherStats, VulkanSettings};
+pub use settings::{BatchSize, FacesPerPass, GatherStats, Route, VulkanSettings};
 pub use validation::ValidationLog;

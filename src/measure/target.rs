@@ -20,6 +20,8 @@ const FOR_CHECK: f64 = 0.12;
 const FOR_LEAVING: f64 = 0.04;
 /// A check ends at this part of the time budget.
 const CHECK_ENDS: f64 = 0.96;
+/// A run that takes more than so many times its budget is late.
+const LATE: f64 = 1.1;
 /// The pilot's pixels and paths are not those of the check afterwards: settings chosen by lucky pixels shall not be judged by them.
 const PILOT_SEED: u32 = 0x9170_75ee;
 
@@ -179,7 +181,7 @@ impl Search {
             let (got, asked) = (percent(got.relative_rms), percent(asked));
             run.reporter.warn(&format!("the error is {got}, where {asked} was asked for{reason}"));
         }
-        if let Some(asked) = seconds.filter(|asked| used > *asked) {
+        if let Some(asked) = seconds.filter(|asked| used > LATE * *asked) {
             run.reporter.warn(&format!("the run took {used:.2} s, where {asked:.2} s were asked for"));
         }
     }

@@ -43,7 +43,9 @@ fn main() -> Outcome<()> {
 fn hash_of_sources(folder: &Path) -> Outcome<u64> {
     let mut sources: Vec<PathBuf> =
         fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<Outcome<_>>()?;
-    sources.retain(|path| ["vert", "frag", "comp", "glsl"].iter().any(|e| path.extension() == Some(OsStr::new(e))));
+    sources.retain(|path| {
+        ["vert", "frag", "comp", "glsl"].iter().any(|e| path.extension() == Some(OsStr::new(e)))
+    });
     sources.sort();
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     for path in sources {

@@ -3,7 +3,7 @@
 pub use crate::direct::Emitters;
 use crate::gather::device::DeviceRequest;
 pub use crate::gather::monte_carlo::Bounces;
-pub use crate::gather::vulkan::BatchSize;
+pub use crate::gather::vulkan::{BatchSize, Route};
 use crate::surfel::cloud::SurfelShape;
 
 /// How irradiance is gathered.
@@ -18,6 +18,18 @@ pub enum GatherMethod {
     MonteCarlo,
     /// No indirect light.
     None,
+}
+
+impl GatherMethod {
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Hemicube => "hemicube",
+            Self::Traced => "traced",
+            Self::MonteCarlo => "monte-carlo",
+            Self::None => "none",
+        }
+    }
 }
 
 /// A named point on the measured frontier of speed and accuracy.
@@ -97,7 +109,7 @@ pub enum SurfelDensity {
 }
 
 /// Settings of the light transport, shared by all commands.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     /// Which device gathers.
     pub device: DeviceRequest,
@@ -126,12 +138,18 @@ pub struct Settings {
     pub gather_samples: u32,
     /// Camera rays that a pixel may get.
     pub samples: u32,
+    /// How a Vulkan device draws hemicubes; changes no result.
+    pub vulkan_route: Route,
     /// Hemicubes a batch.
     pub batch: BatchSize,
     /// Batches under way at once.
     pub frames_in_flight: usize,
     /// Seed of all random choices.
     pub seed: u32,
+    /// Whether every shading point keeps [`Diagnostics`](crate::shading::diagnostics::Diagnostics).
+    pub diagnostics: bool,
+    /// Whether the film keeps reflected light apart, for those who measure its error.
+    pub reflected: bool,
     /// Whether the Vulkan validation layers watch.
     pub validation: bool,
 }
@@ -152,9 +170,12 @@ impl Default for Settings {
             light_samples: 4,
             gather_samples: 256,
             samples: 1,
+            vulkan_route: Route::Auto,
             batch: BatchSize::Auto,
             frames_in_flight: 3,
             seed: 0,
+            diagnostics: false,
+            reflected: false,
             validation: false,
         }
     }

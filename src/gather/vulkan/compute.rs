@@ -173,9 +173,25 @@ impl Compute {
         // SAFETY: pipeline and bindings are bound; the shader writes within the ids' buffer, which holds a whole atlas of this
         // layout.
         unsafe {
+<<<<<<< HEAD
             let constants = bytemuck::bytes_of(&constants);
             device.cmd_push_constants(commands, self.layout.raw, STAGE, 0, constants);
             device.cmd_dispatch(commands, hemicubes as u32, self.parts, 1);
+=======
+            device.cmd_bind_pipeline(commands, bind_point, self.pipeline.raw);
+            device.cmd_bind_descriptor_sets(commands, bind_point, self.layout.raw, 0, &[bindings.set], &[]);
+            device.cmd_push_constants(commands, self.layout.raw, STAGE, 0, bytemuck::bytes_of(&tiles));
+            device.cmd_dispatch(commands, hemicubes as u32, 1, 1);
+            device.cmd_pipeline_barrier(
+                commands,
+                stage,
+                vk::PipelineStageFlags::HOST,
+                none,
+                &[],
+                &visible,
+                &[],
+            );
+>>>>>>> main
         }
     }
 }
@@ -248,7 +264,11 @@ impl Bindings {
     }
 }
 
-fn texel_view(context: &Arc<Context>, buffer: &Buffer, format: vk::Format) -> VkResult<Owned<vk::BufferView>> {
+fn texel_view(
+    context: &Arc<Context>,
+    buffer: &Buffer,
+    format: vk::Format,
+) -> VkResult<Owned<vk::BufferView>> {
     let info = vk::BufferViewCreateInfo::default().buffer(buffer.raw()).format(format).range(vk::WHOLE_SIZE);
     // SAFETY: the buffer has memory, the usage and at least one texel; all devices know the formats.
     let raw = unsafe { context.device.create_buffer_view(&info, None) }?;

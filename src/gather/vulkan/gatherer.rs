@@ -1,11 +1,11 @@
 //! Batches in, ids out, several batches under way at once.
 
 use super::buffers::Buffer;
+use super::compute::{Computing, write_tasks};
 use super::context::{Context, out_of_memory};
 use super::devices::{DeviceInfo, DeviceKind};
 use super::draws::{Draws, splats_drawn};
 use super::pace::Pace;
-use super::compute::{Computing, write_tasks};
 use super::record::{Drawing, rasterise, record};
 use super::route::{Attachment, Method};
 use super::settings::{BatchSize, GatherStats, VulkanSettings};
@@ -83,8 +83,8 @@ impl VulkanGatherer {
         let buffers = SplatBuffers::new(&context, splats, shape, method.usages().surfels)
             .map_err(|result| context.error("copying the surfels", result))?;
         let gear = Gear { context: &context, method: &method, surfels: &buffers, parts: parts.len() };
-        let (slots, largest) = slots(&gear, &settings)
-            .map_err(|result| context.error("taking memory for hemicubes", result))?;
+        let (slots, largest) =
+            slots(&gear, &settings).map_err(|result| context.error("taking memory for hemicubes", result))?;
         let all = match method {
             Method::Raster(_) => Vec::new(),
             Method::Compute(_) => (0..buffers.count).collect(),
@@ -117,6 +117,11 @@ impl VulkanGatherer {
     /// The device.
     pub fn device(&self) -> &DeviceInfo {
         &self.context.info
+    }
+
+    /// Whether it takes the compute route.
+    pub fn computes(&self) -> bool {
+        matches!(self.method, Method::Compute(_))
     }
 
     /// Where the time went so far.

@@ -70,4 +70,3 @@ fn framebuffer(
     let raw = unsafe { context.device.create_framebuffer(&info, None) }?;
     Ok(Owned::new(context, "hemicubes", raw))
 }
-

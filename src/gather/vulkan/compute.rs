@@ -173,25 +173,9 @@ impl Compute {
         // SAFETY: pipeline and bindings are bound; the shader writes within the ids' buffer, which holds a whole atlas of this
         // layout.
         unsafe {
-<<<<<<< HEAD
             let constants = bytemuck::bytes_of(&constants);
             device.cmd_push_constants(commands, self.layout.raw, STAGE, 0, constants);
             device.cmd_dispatch(commands, hemicubes as u32, self.parts, 1);
-=======
-            device.cmd_bind_pipeline(commands, bind_point, self.pipeline.raw);
-            device.cmd_bind_descriptor_sets(commands, bind_point, self.layout.raw, 0, &[bindings.set], &[]);
-            device.cmd_push_constants(commands, self.layout.raw, STAGE, 0, bytemuck::bytes_of(&tiles));
-            device.cmd_dispatch(commands, hemicubes as u32, 1, 1);
-            device.cmd_pipeline_barrier(
-                commands,
-                stage,
-                vk::PipelineStageFlags::HOST,
-                none,
-                &[],
-                &visible,
-                &[],
-            );
->>>>>>> main
         }
     }
 }
@@ -244,6 +228,10 @@ impl Bindings {
         surfels: &SplatBuffers,
         [hemicubes, cuts, ids]: [&Buffer; 3],
     ) -> VkResult<Self> {
+        if cuts.bytes().len() / size_of::<u32>() > context.limits.max_texel_buffer_elements as usize {
+            // Fewer hemicubes have fewer cuts.
+            return Err(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);
+        }
         let shape = if surfels.axes.is_some() { SurfelShape::Triangle } else { SurfelShape::Disc };
         let buffers = [Some(&surfels.splats), Some(cuts), Some(hemicubes), surfels.axes.as_ref()];
         let views = buffers
@@ -359,8 +347,7 @@ fn pipeline(
     cache: &PipelineCache,
 ) -> VkResult<Owned<vk::Pipeline>> {
     let module = shader_module(context, "gather.comp", shader(shape))?;
-    let entry =
-        |i| vk::SpecializationMapEntry { constant_id: i as u32, offset: 4 * i as u32, size: 4 };
+    let entry = |i| vk::SpecializationMapEntry { constant_id: i as u32, offset: 4 * i as u32, size: 4 };
     let entries: Vec<_> = (0..constants.len()).map(entry).collect();
     let specialization =
         vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(constants));

@@ -140,7 +140,11 @@ fn the_compute_shader_reads_push_constants_where_they_lie() {
         let interface = interface(shader(shape));
         assert_eq!(interface.push_constants, ours, "{shape:?}");
         let own = CONSTANTS as u32..CONSTANTS as u32 + 5;
-        assert!(own.clone().all(|id| interface.constants.contains(&id)), "{shape:?}: {:?}", interface.constants);
+        assert!(
+            own.clone().all(|id| interface.constants.contains(&id)),
+            "{shape:?}: {:?}",
+            interface.constants
+        );
         assert!(interface.constants.iter().all(|&id| id < own.end), "{shape:?}: {:?}", interface.constants);
     }
 }

@@ -3,7 +3,7 @@
 pub use crate::direct::Emitters;
 use crate::gather::device::DeviceRequest;
 pub use crate::gather::monte_carlo::Bounces;
-pub use crate::gather::vulkan::BatchSize;
+pub use crate::gather::vulkan::{BatchSize, Route};
 use crate::surfel::cloud::SurfelShape;
 
 /// How irradiance is gathered.
@@ -142,6 +142,8 @@ pub struct Settings {
     pub gather_samples: u32,
     /// Camera rays that a pixel may get.
     pub samples: u32,
+    /// How a Vulkan device draws hemicubes; changes no result.
+    pub vulkan_route: Route,
     /// Hemicubes a batch.
     pub batch: BatchSize,
     /// Batches under way at once.
@@ -172,6 +174,7 @@ impl Default for Settings {
             light_samples: 4,
             gather_samples: 256,
             samples: 1,
+            vulkan_route: Route::Auto,
             batch: BatchSize::Auto,
             frames_in_flight: 3,
             seed: 0,

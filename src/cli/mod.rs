@@ -4,6 +4,7 @@ mod common;
 mod compare;
 mod devices;
 mod irradiance;
+mod promise;
 mod render;
 mod surfels;
 mod sweep;

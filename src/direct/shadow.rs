@@ -61,9 +61,10 @@ impl Tally {
         [self.lit_rays > 0, self.blocked_rays > 0]
     }
 
-    /// Mean of what arrived: an unbiased estimate of the irradiance, W m-2.
-    pub(super) fn mean(&self) -> Vec3 {
-        self.arrived / self.rays.max(1) as f32
+    /// Mean of what arrived: an unbiased estimate.
+    pub(super) fn mean(&self) -> DirectLight {
+        let share = 1.0 / self.rays.max(1) as f32;
+        DirectLight { irradiance: self.arrived * share, specular: self.specular * share }
     }
 
     /// Visibility, channel by channel, 0..=1. Where no sample stands for any of a channel: the share of lit rays.

@@ -108,6 +108,9 @@ fn errors(number: u64) -> Errors {
     let rays = MonteCarloSettings { samples: RAYS, bounces: Bounces::Count(1), emitters, seed: 5 };
     let truth = referee(&fine, &points, rays, REPETITIONS);
     let unit = truth.iter().map(|m| m.value).sum::<f64>() / POINTS as f64;
+    if std::env::var("SHOW").is_ok_and(|s| s == number.to_string()) {
+        println!("{emitters:?} {points:?}\n{truth:?}\n{:?}\n{:?}", gathered(&fine, &points, TURNS), gathered(&coarse, &points, TURNS));
+    }
     let drawn = gathered(&fine, &points, TURNS);
     let coarsely = gathered(&coarse, &points, TURNS);
     Errors { fine: difference(&drawn, &truth, unit), halving: difference(&coarsely, &drawn, unit) }

@@ -1,9 +1,10 @@
 //! Receivers so close to walls, edges and corners that surfels are much larger than the gap; plates so close together.
 
 use crate::model::{Model, emission_only, lambert, lit};
-use crate::statistics::{gathered, rms};
+use crate::statistics::gathered;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
+use surflux::accel::RAY_OFFSET;
 use surflux::settings::Settings;
 
 /// Distances from surfaces, in sizes of the scene.
@@ -48,26 +49,31 @@ fn wall_on_floor() -> (Model, [DVec3; 4]) {
     (scene, [foot, foot + u, foot + u + v, foot + v])
 }
 
+/// How much of the light hangs on where exactly rays start, [`RAY_OFFSET`] off the surface, and where exactly a triangle
+/// ends: it is hit up to 3e-7 beyond its edges, lest rays slip through between neighbours.
+fn placement(lamp: &[DVec3; 4], at: DVec3, normal: DVec3) -> f64 {
+    let exact = lambert(lamp, at, normal);
+    let shift = f64::from(RAY_OFFSET) + 3e-7;
+    let shifted = |axis: DVec3| (lambert(lamp, at + axis * shift, normal) - exact).abs();
+    [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z].map(shifted).iter().sum()
+}
+
 #[test]
 fn the_foot_of_a_wall_is_lit_as_lambert_says() {
     let (scene, wall) = wall_on_floor();
     let settings = emission_only(64, 14_000);
     let gathering = scene.gathering(settings);
-    let mut errors = Vec::new();
     for d in DISTANCES {
         for y in [0.0, 0.3, 0.5 - d] {
             let (at, up) = (DVec3::new(d, y, 0.0), DVec3::Z);
             let exact = lambert(&wall, at, up);
             let got = gathered(&gathering, &[lit(&gathering, at, up)], 16)[0];
-            println!("foot {d:e}, y = {y}: {:.5} +- {:.5} for {exact:.5}", got.value, got.error);
-            errors.push((got.value / exact - 1.0, format!("{d:e} from the wall, y = {y}")));
+            let off = (got.value - exact).abs();
+            let allowed = 4.0 * got.error + 0.002 * PI + placement(&wall, at, up);
+            println!("foot {d:e}, y = {y}: {got:?} for {exact:.5}, {allowed:.5} allowed");
+            assert!(off <= allowed, "{d:e} from the wall, y = {y}: {got:?} for {exact}");
         }
     }
-    for (error, place) in &errors {
-        assert!(error.abs() <= 0.02, "{place}: off by {error}");
-    }
-    let all = rms(errors.iter().map(|(e, _)| *e));
-    assert!(all <= 0.01, "{all} in the mean");
 }
 
 #[test]
@@ -88,8 +94,9 @@ fn surfels_much_larger_and_much_smaller_than_the_gap_between_plates() {
                 let exact = lambert(&upper, at, DVec3::Z);
                 let got = gathered(&gathering, &[lit(&gathering, at, DVec3::Z)], 64)[0];
                 let off = (got.value - exact).abs();
-                println!("gap {gap:e}, {at}: {:.5} +- {:.5} for {exact:.5}", got.value, got.error);
-                assert!(off <= 4.0 * got.error + 0.01 * PI, "gap {gap}, at {at}: {got:?} for {exact}");
+                let allowed = 4.0 * got.error + 0.005 * PI + placement(&upper, at, DVec3::Z);
+                println!("gap {gap:e}, {at}: {got:?} for {exact:.5}, {allowed:.5} allowed");
+                assert!(off <= allowed, "gap {gap}, at {at}: {got:?} for {exact}");
             }
         }
     }

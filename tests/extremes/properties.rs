@@ -141,19 +141,25 @@ fn no_receiver_gets_more_reflected_light_than_there_is() {
     });
 }
 
+/// Drawn surfels are linear to rounding. What rays look up is bounded by the values of the surfels around, and dark surfels that
+/// nobody sees are left out of clusters: both depend on the light a little.
 #[test]
 fn gathered_light_is_linear_in_emission() {
     check(24, &(rooms(), 0.01f32..100.0, 0.01f32..100.0), |(room, a, b)| {
-        let light = |by_walls: f32, by_blocks: f32| {
-            let settings = Settings { lod: 1.0, bounces: Bounces::Count(1), ..emission_only(8, 600) };
-            let gathering = room.model(by_walls, by_blocks).gathering(settings);
-            gathering.gathered(&room.points(&gathering), |i| i as u32)
-        };
-        let (walls, blocks, both) = (light(1.0, 0.0), light(0.0, 1.0), light(a, b));
-        for ((walls, blocks), both) in walls.iter().zip(&blocks).zip(&both) {
-            let expected = walls.x * f64::from(a) + blocks.x * f64::from(b);
+        for (near_field, lod, allowed) in [(0.0, 0.0, 2e-6), (4.0, 1.0, 5e-3)] {
+            let light = |by_walls: f32, by_blocks: f32| {
+                let settings =
+                    Settings { near_field, lod, bounces: Bounces::Count(1), ..emission_only(8, 600) };
+                let gathering = room.model(by_walls, by_blocks).gathering(settings);
+                gathering.gathered(&room.points(&gathering), |i| i as u32)
+            };
+            let (walls, blocks, both) = (light(1.0, 0.0), light(0.0, 1.0), light(a, b));
             let unit = PI * room.brightest(1) * f64::from(a.max(b));
-            prop_assert!((both.x - expected).abs() <= 1e-5 * unit, "{} for {expected}", both.x);
+            for ((walls, blocks), both) in walls.iter().zip(&blocks).zip(&both) {
+                let expected = walls.x * f64::from(a) + blocks.x * f64::from(b);
+                let off = (both.x - expected).abs() / unit;
+                prop_assert!(off <= allowed, "near field {near_field}, lod {lod}: off by {off}");
+            }
         }
         Ok(())
     });

@@ -1,9 +1,10 @@
 //! Results scale exactly with lengths and radiances, and do not depend on where a scene stands.
 //!
 //! Multiplying by a power of two rounds nothing, so that the very bits must be the same then. Other factors round each number
-//! once more.
+//! once more, and what follows from that may be a choice: whether a gather is needed, or how many shadow rays.
 
 use crate::model::{Model, lit, picture};
+use crate::statistics::{Mean, gathered};
 use glam::{DMat3, DVec3, Vec3};
 use surflux::scene::{Camera, PunctualEmission, PunctualLight};
 use surflux::settings::{Bounces, GatherMethod, Quality, Settings};
@@ -77,12 +78,12 @@ fn powers_of_ten_change_the_rounding_only() {
     for brightness in [1e-9, 1e-6, 1e6, 1e9] {
         let off = difference(&render(1.0, DVec3::ZERO, brightness, &settings), &base, brightness);
         println!("radiance x {brightness:e}: {off:e}");
-        assert!(off < 1e-5, "radiance x {brightness:e}: off by {off} of the brightest");
+        assert!(off < 1e-4, "radiance x {brightness:e}: off by {off} of the brightest");
     }
     for scale in [1e-6, 1e-3, 1e3, 1e6] {
         let off = difference(&render(scale, DVec3::ZERO, 1.0, &settings), &base, 1.0);
         println!("lengths x {scale:e}: {off:e}");
-        assert!(off < 1e-5, "lengths x {scale:e}: off by {off} of the brightest");
+        assert!(off < 1e-4, "lengths x {scale:e}: off by {off} of the brightest");
     }
 }
 
@@ -108,8 +109,8 @@ fn a_million_sizes_away_light_is_the_same_but_for_rounding() {
 /// A dim room, and beside it, behind walls of their own, one a hundred million times as bright.
 fn two_rooms(dim: f32, bright: f32) -> Model {
     let mut rooms = Model::default();
-    let grey = rooms.material(0.5, Vec3::ZERO);
     for (x, light) in [(0.0, dim), (1.0625, bright)] {
+        let grey = rooms.material(0.5, Vec3::ZERO);
         let lamp = rooms.material(0.0, Vec3::splat(light));
         let corner = DVec3::X * x;
         rooms.walls(corner, corner + DVec3::ONE, true, [grey; 6]);
@@ -118,26 +119,53 @@ fn two_rooms(dim: f32, bright: f32) -> Model {
     rooms
 }
 
+/// Light gathered in the dim room, at points on its floor; means over `turns`.
+fn in_dim_room(dim: f32, bright: f32, settings: &Settings, turns: u32) -> Vec<Mean> {
+    let gathering = two_rooms(dim, bright).gathering(settings.clone());
+    let points: Vec<_> = [0.02, 0.3, 0.7, 0.98]
+        .map(|x| lit(&gathering, DVec3::new(x, 0.001, 0.4), DVec3::new(0.2, 1.0, 0.1)))
+        .to_vec();
+    gathered(&gathering, &points, turns)
+}
+
 #[test]
 fn a_dim_room_beside_one_a_hundred_million_times_brighter() {
-    for gather in [GatherMethod::Hemicube, GatherMethod::Traced, GatherMethod::MonteCarlo] {
-        let settings = Settings { bounces: Bounces::Count(std::env::var("BOUNCES").map_or(2, |b| b.parse().unwrap())), ..settings(gather) };
-        let light = |dim: f32, bright: f32| {
-            let gathering = two_rooms(dim, bright).gathering(settings.clone());
-            let points: Vec<_> = [0.02, 0.3, 0.7, 0.98]
-                .map(|x| lit(&gathering, DVec3::new(x, 0.001, 0.4), DVec3::new(0.2, 1.0, 0.1)))
-                .to_vec();
-            gathering.gathered(&points, |i| i as u32)
-        };
+    for gather in [GatherMethod::Hemicube, GatherMethod::Traced] {
+        let settings = Settings { lod: 0.0, bounces: Bounces::Count(2), ..settings(gather) };
+        let light = |dim, bright| in_dim_room(dim, bright, &settings, 8);
         let (both, dim, bright) = (light(1.0, 1e8), light(1.0, 0.0), light(0.0, 1e8));
         for ((both, dim), bright) in both.iter().zip(&dim).zip(&bright) {
-            println!("{gather:?}: {} {} {}", both.x, dim.x, bright.x);
-            if std::env::var("SHOW").is_ok() { continue; }
-            assert_eq!(bright.x, 0.0, "{gather:?}: light of the other room leaks in");
-            // Monte Carlo spends most of its shadow rays on the brighter lamp, and has but 32 paths.
-            let allowed = if gather == GatherMethod::MonteCarlo { 1.0 } else { 1e-3 };
-            assert!((both.x / dim.x - 1.0).abs() < allowed, "{gather:?}: {} for {}", both.x, dim.x);
+            assert_eq!(bright.value, 0.0, "{gather:?}: light of the other room leaks in");
+            assert!((both.value / dim.value - 1.0).abs() < 1e-3, "{gather:?}: {both:?} for {dim:?}");
         }
+    }
+}
+
+/// Clusters leave hair gaps of up to 0.4 % of the pixels. Through them shows what is behind the wall.
+#[test]
+fn clusters_leak_no_more_than_their_gaps() {
+    let settings = Settings { bounces: Bounces::Count(2), ..settings(GatherMethod::Hemicube) };
+    let inside = in_dim_room(1e8, 0.0, &settings, 32);
+    let leaked = in_dim_room(0.0, 1e8, &settings, 32);
+    for (leaked, inside) in leaked.iter().zip(&inside) {
+        println!("leaked: {:e}", leaked.value / inside.value);
+        assert!(leaked.value <= 4e-3 * inside.value + 4.0 * leaked.error, "{leaked:?} of {inside:?}");
+    }
+}
+
+#[test]
+fn the_referee_finds_a_dim_lamp_beside_a_hidden_bright_one() {
+    let settings = Settings {
+        bounces: Bounces::Count(2),
+        gather_samples: 1024,
+        ..settings(GatherMethod::MonteCarlo)
+    };
+    let [both, dim] = [1e8, 0.0].map(|bright| in_dim_room(1.0, bright, &settings, 16));
+    for (both, dim) in both.iter().zip(&dim) {
+        println!("referee: {both:?} for {dim:?}");
+        let allowed = 5.0 * both.error.hypot(dim.error);
+        assert!((both.value - dim.value).abs() <= allowed, "{both:?} for {dim:?}");
+        assert!(both.error < 0.03 * both.value, "{both:?}: the noise of the bright lamp's shadow rays");
     }
 }
 

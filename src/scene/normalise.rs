@@ -1,6 +1,8 @@
 //! From the user's units to scene space.
 
-use super::{Material, Normalisation, PunctualEmission, PunctualLight, Quadric, Scene, SceneDescription, Shape};
+use super::{
+    Material, Normalisation, PunctualEmission, PunctualLight, Quadric, Scene, SceneDescription, Shape,
+};
 use crate::error::Result;
 use glam::{Affine3A, DAffine3, DVec3, Vec3};
 use std::collections::HashSet;

@@ -39,7 +39,8 @@ fn is_hidden(cloud: &SurfelCloud, side: u32, accel: &Accel, closed: &ClosedTest)
     let (position, normal) = (cloud.position[i], cloud.normal[i]);
     let normal = if back { -normal } else { normal };
     let near = COVERED * cloud.area[i].sqrt();
-    let Some(opposite) = accel.closest_hit(offset_origin(position, normal, normal), normal, f32::INFINITY) else {
+    let Some(opposite) = accel.closest_hit(offset_origin(position, normal, normal), normal, f32::INFINITY)
+    else {
         return false;
     };
     let inside = !opposite.front && closed.culls(opposite.primitive);

@@ -148,7 +148,8 @@ fn nothing_leaks_through_thin_walls() {
             scene.walls(low, high, false, [black; 6]);
             scene.walls(low + thickness, high - thickness, true, [black; 6]);
             let gathering = scene.gathering(Settings { near_field, lod, ..emission_only(8, 4000) });
-            let places = [DVec3::splat(0.45), low + 2.0 * thickness, DVec3::new(0.45, 0.45, 0.3 + 2.0 * thickness)];
+            let places =
+                [DVec3::splat(0.45), low + 2.0 * thickness, DVec3::new(0.45, 0.45, 0.3 + 2.0 * thickness)];
             let points: Vec<LitPoint> = places
                 .iter()
                 .flat_map(|p| [DVec3::Z, DVec3::NEG_Z, DVec3::ONE].map(|n| lit(&gathering, *p, n)))
@@ -160,6 +161,29 @@ fn nothing_leaks_through_thin_walls() {
                 assert_eq!(direct(&gathering, p, n, 64), 0.0, "{thickness:e} thick, direct");
             }
         }
+    }
+}
+
+/// A room whose walls are two sheets in one place, the outer one facing out: from inside, the inner one is seen, as bright as
+/// it is, and from the furnace around it the outer one.
+#[test]
+fn rooms_of_double_sheets_keep_their_light() {
+    for (near_field, lod) in [(0.0, 0.0), (0.0, 2.0), (4.0, 2.0)] {
+        let mut scene = cube(1.0);
+        let [inner, outer] = [2.0, 3.0].map(|light| scene.material(0.0, Vec3::splat(light)));
+        let (low, high) = (DVec3::splat(0.3), DVec3::splat(0.6));
+        scene.walls(low, high, false, [outer; 6]);
+        scene.walls(low, high, true, [inner; 6]);
+        let gathering = scene.gathering(Settings { near_field, lod, ..emission_only(8, 4000) });
+        let within = [DVec3::splat(0.45), DVec3::splat(0.59)].map(|p| lit(&gathering, p, DVec3::Z));
+        for (e, p) in gathering.gathered(&within, |i| i as u32).iter().zip(&within) {
+            let off = (e.x / (2.0 * PI) - 1.0).abs();
+            assert!(off <= 5e-3, "near field {near_field}, lod {lod}, {}: {e}", p.position);
+        }
+        // Close above the box nothing else is seen of what is below.
+        let above = [lit(&gathering, DVec3::new(0.45, 0.45, 0.601), DVec3::NEG_Z)];
+        let e = gathering.gathered(&above, |_| 1)[0].x / (3.0 * PI);
+        assert!((e - 1.0).abs() <= 0.02, "near field {near_field}, lod {lod}, outside: {e}");
     }
 }
 
@@ -194,14 +218,9 @@ fn assert_as_monte_carlo(model: &Model, what: &str) {
     let gathering = model.gathering(settings);
     let places = [DVec3::new(0.1, 0.2, 0.001), DVec3::new(0.6, 0.1, 0.3), DVec3::new(0.5, 0.5, 0.9)];
     let facing = [DVec3::Z, DVec3::new(-0.2, 0.7, 0.1), DVec3::NEG_Z];
-    let points: Vec<LitPoint> =
-        places.into_iter().zip(facing).map(|(p, n)| lit(&gathering, p, n)).collect();
-    let rays = MonteCarloSettings {
-        samples: 1024,
-        bounces: Bounces::Count(1),
-        emitters: Emitters::Sample,
-        seed: 1,
-    };
+    let points: Vec<LitPoint> = places.into_iter().zip(facing).map(|(p, n)| lit(&gathering, p, n)).collect();
+    let rays =
+        MonteCarloSettings { samples: 1024, bounces: Bounces::Count(1), emitters: Emitters::Sample, seed: 1 };
     let expected = referee(&gathering, &points, rays, 24);
     for ((got, expected), p) in gathered(&gathering, &points, 64).iter().zip(expected).zip(points) {
         println!("{what}, {}: {got:?} for {expected:?}", p.position);
@@ -247,11 +266,7 @@ fn non_manifold_meshes_are_as_bright_as_monte_carlo_says() {
     model.description.materials[grey as usize].two_sided = true;
     let (foot, tip) = (DVec3::new(0.75, 0.5, 0.1), DVec3::new(0.75, 0.5, 0.5));
     let fins = [DVec3::new(0.9, 0.5, 0.3), DVec3::new(0.7, 0.65, 0.3), DVec3::new(0.7, 0.35, 0.3)];
-    model.mesh(
-        [foot, tip].into_iter().chain(fins).collect(),
-        vec![[0, 1, 2], [1, 0, 3], [0, 1, 4]],
-        grey,
-    );
+    model.mesh([foot, tip].into_iter().chain(fins).collect(), vec![[0, 1, 2], [1, 0, 3], [0, 1, 4]], grey);
     model.quad(DVec3::new(0.5, 0.35, 0.1), DVec3::Y * 0.2, DVec3::new(0.1, 0.0, 0.1), grey);
     assert_as_monte_carlo(&model, "fins");
     let mut turned = furnished();

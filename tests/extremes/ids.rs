@@ -188,8 +188,7 @@ fn without_surfels_the_background_shows() {
 fn a_single_disc_has_its_form_factor() {
     for n in [64, 128, 256] {
         for (radius, height) in [(1e-3, 2e-3), (1.0, 1.0), (1e3, 500.0), (1.0, 1e-3)] {
-            let drawables =
-                drawables(vec![splat(Vec3::Z * height, Vec3::NEG_Z, radius)], SurfelShape::Disc);
+            let drawables = drawables(vec![splat(Vec3::Z * height, Vec3::NEG_Z, radius)], SurfelShape::Disc);
             let weights = Weights::new(n);
             let exact = f64::from(radius).powi(2) / f64::from(radius * radius + height * height);
             let tiles = cpu(&drawables, n, &upright(16), &[0]);

@@ -27,10 +27,14 @@ fn direct(scene: &Model, at: &[(DVec3, DVec3)], samples: u32) -> Vec<f64> {
         let point = lit(&gathering, *p, *n);
         gathering.world.lights.irradiance(&gathering.world.accel, &point, sampling)
     };
-    at.iter().zip(0..).map(one).map(|e| {
-        assert!(e.is_finite() && e.min_element() >= 0.0, "{e}");
-        f64::from(e.x)
-    }).collect()
+    at.iter()
+        .zip(0..)
+        .map(one)
+        .map(|e| {
+            assert!(e.is_finite() && e.min_element() >= 0.0, "{e}");
+            f64::from(e.x)
+        })
+        .collect()
 }
 
 #[test]
@@ -144,7 +148,8 @@ fn ten_thousand_lamps() {
         scene.quad(corner, u, v, glowing);
         lamps.push([corner, corner + u, corner + u + v, corner + v]);
     }
-    for (p, n) in [(DVec3::ZERO, DVec3::Z), (DVec3::new(1.2, 0.0, 0.0), DVec3::Z), (DVec3::Z * 0.3, DVec3::X)] {
+    for (p, n) in [(DVec3::ZERO, DVec3::Z), (DVec3::new(1.2, 0.0, 0.0), DVec3::Z), (DVec3::Z * 0.3, DVec3::X)]
+    {
         let exact: f64 = lamps.iter().map(|corners| lambert(corners, p, n)).sum();
         let values = direct(&scene, &vec![(p, n); 64], 64);
         let got = mean(&values);

@@ -45,8 +45,7 @@ impl Model {
             DVec3::new(pick(0, 0), pick(1, 1), pick(2, 2))
         };
         // Low and high x, y, z; counter-clockwise seen from outside.
-        let faces =
-            [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+        let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
         let turned = |[a, b, c]: [u32; 3]| if inside { [a, c, b] } else { [a, b, c] };
         let triangles = faces.iter().flat_map(|&[a, b, c, d]| [turned([a, b, c]), turned([a, c, d])]);
         self.description.shapes.push(Shape::Mesh {

@@ -59,7 +59,10 @@ impl Room {
             let mut block = Model::default();
             block.walls(-half, half, false, [material; 6]);
             let turn = DMat3::from_quat(DQuat::from_scaled_axis(DVec3::from(*turn)));
-            model.description.shapes.extend(block.transformed(turn, DVec3::from(*centre) * size).description.shapes);
+            model
+                .description
+                .shapes
+                .extend(block.transformed(turn, DVec3::from(*centre) * size).description.shapes);
         }
         model
     }
@@ -86,12 +89,8 @@ impl Room {
 fn no_receiver_gets_more_than_there_is() {
     check(48, &rooms(), |room| {
         for (bounces, near_field, lod) in [(0, 0.0, 0.0), (0, 4.0, 2.0), (1, 4.0, 2.0), (3, 0.0, 1.0)] {
-            let settings = Settings {
-                near_field,
-                lod,
-                bounces: Bounces::Count(bounces),
-                ..emission_only(8, 600)
-            };
+            let settings =
+                Settings { near_field, lod, bounces: Bounces::Count(bounces), ..emission_only(8, 600) };
             let gathering = room.model(1.0, 1.0).gathering(settings);
             let most = PI * room.brightest(bounces) * (1.0 + 1e-5);
             for e in gathering.gathered(&room.points(&gathering), |i| i as u32) {
@@ -128,7 +127,11 @@ fn no_receiver_gets_more_reflected_light_than_there_is() {
                 // One shadow ray of many that may be traced is a noisy estimate of its own.
                 let most = PI * (room.brightest(1) - room.brightest(0));
                 if gather != GatherMethod::MonteCarlo {
-                    prop_assert!(e.max_element() <= most * (1.0 + 1e-5), "{gather:?}: {} of at most {most}", e.x);
+                    prop_assert!(
+                        e.max_element() <= most * (1.0 + 1e-5),
+                        "{gather:?}: {} of at most {most}",
+                        e.x
+                    );
                 }
             }
             let (lights, accel) = (&gathering.world.lights, &gathering.world.accel);
@@ -180,7 +183,8 @@ fn transforms_commute_with_gathering() {
         let moved = model.transformed(turn * scale, DVec3::from(shift));
         let light = |model: &Model, turn: DMat3, scale: f64, shift: DVec3| -> Vec<Vec<f64>> {
             let one = |seed| {
-                let settings = Settings { seed, lod: 1.0, bounces: Bounces::Count(0), ..emission_only(16, 1000) };
+                let settings =
+                    Settings { seed, lod: 1.0, bounces: Bounces::Count(0), ..emission_only(16, 1000) };
                 let gathering = model.gathering(settings);
                 let at = |(p, n): &([f64; 3], [f64; 3])| {
                     let p = DVec3::from(*p) * DVec3::from(room.size);
@@ -211,7 +215,8 @@ fn transforms_commute_with_direct_light() {
         let turn = DMat3::from_quat(DQuat::from_scaled_axis(DVec3::from(turn)));
         let model = room.model(1.0, 1.0);
         let moved = model.transformed(turn * scale, DVec3::from(shift));
-        let settings = Settings { gather: GatherMethod::None, emitters: Emitters::Sample, ..Settings::default() };
+        let settings =
+            Settings { gather: GatherMethod::None, emitters: Emitters::Sample, ..Settings::default() };
         let [here, there] = [&model, &moved].map(|m| m.gathering(settings.clone()));
         for (p, n) in &room.points {
             let (p, n) = (DVec3::from(*p) * DVec3::from(room.size), DVec3::from(*n));

@@ -155,11 +155,8 @@ fn clusters_leak_no_more_than_their_gaps() {
 
 #[test]
 fn the_referee_finds_a_dim_lamp_beside_a_hidden_bright_one() {
-    let settings = Settings {
-        bounces: Bounces::Count(2),
-        gather_samples: 1024,
-        ..settings(GatherMethod::MonteCarlo)
-    };
+    let settings =
+        Settings { bounces: Bounces::Count(2), gather_samples: 1024, ..settings(GatherMethod::MonteCarlo) };
     let [both, dim] = [1e8, 0.0].map(|bright| in_dim_room(1.0, bright, &settings, 16));
     for (both, dim) in both.iter().zip(&dim) {
         println!("referee: {both:?} for {dim:?}");

@@ -11,11 +11,13 @@ use std::path::{Path, PathBuf};
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
 /// Entry files and the variants that are compiled of each: output name and preprocessor definition.
-const VARIANTS: [(&str, &str, Option<&str>); 4] = [
+const VARIANTS: [(&str, &str, Option<&str>); 6] = [
     ("splat.vert", "splat_disc.vert.spv", None),
     ("splat.frag", "splat_disc.frag.spv", None),
     ("splat.vert", "splat_triangle.vert.spv", Some("TRIANGLE")),
     ("splat.frag", "splat_triangle.frag.spv", Some("TRIANGLE")),
+    ("gather.comp", "gather_disc.comp.spv", None),
+    ("gather.comp", "gather_triangle.comp.spv", Some("TRIANGLE")),
 ];
 
 const STALE: &str = "the SPIR-V in shaders/spirv is older than its GLSL in shaders: rebuild it with `cargo build --features \
@@ -41,7 +43,9 @@ fn main() -> Outcome<()> {
 fn hash_of_sources(folder: &Path) -> Outcome<u64> {
     let mut sources: Vec<PathBuf> =
         fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<Outcome<_>>()?;
-    sources.retain(|path| ["vert", "frag", "glsl"].iter().any(|e| path.extension() == Some(OsStr::new(e))));
+    sources.retain(|path| {
+        ["vert", "frag", "comp", "glsl"].iter().any(|e| path.extension() == Some(OsStr::new(e)))
+    });
     sources.sort();
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     for path in sources {
@@ -102,6 +106,7 @@ fn compile_one(source: &Path, definition: Option<&str>) -> Outcome<Option<Vec<u8
     }
     let kind = match source.extension().and_then(OsStr::to_str) {
         Some("vert") => shaderc::ShaderKind::Vertex,
+        Some("comp") => shaderc::ShaderKind::Compute,
         _ => shaderc::ShaderKind::Fragment,
     };
     let text = fs::read_to_string(source)?;

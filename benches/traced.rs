@@ -121,9 +121,8 @@ fn errors(pairs: &[(DVec3, DVec3)]) -> (f64, f64, f64) {
 }
 
 fn noise_and_speed(world: &World, samples: u32) {
-    let lookup = world.lookup.as_ref().expect("prepared for tracing");
-    let gatherer =
-        |samples, seed| TracedGatherer::new(&world.accel, lookup, TracedSettings { samples, seed });
+    let light = world.hit_light().expect("prepared for tracing");
+    let gatherer = |samples, seed| TracedGatherer::new(light, TracedSettings { samples, seed });
     let receivers = receivers(world);
     let (few, many) = (gatherer(samples, 1), gatherer(4096, 2));
     let gather = |gatherer: &TracedGatherer| -> Vec<DVec3> {

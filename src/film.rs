@@ -19,11 +19,35 @@ pub enum Aov {
     Normal,
     /// Distance from the camera along the ray, scene units; zero where the ray left the scene.
     Depth,
+    /// Estimated standard error of the indirect part of the radiance, W sr-1 m-2: high where interpolation stands on few
+    /// gathers, or on gathers that disagree.
+    Error,
+    /// Shares of the hemisphere, 0..1: in which nothing was seen, the black backs of surfaces, and what rays repaired.
+    Coverage,
+    /// How many gathers the indirect part rests on.
+    Gathers,
+    /// Harmonic mean distance of what is seen from the surface, scene units; zero where nothing is.
+    Distance,
 }
 
 impl Aov {
     /// All layers, in the order in which messages list them.
-    pub const ALL: [Self; 5] = [Self::Direct, Self::Indirect, Self::Albedo, Self::Normal, Self::Depth];
+    pub const ALL: [Self; 9] = [
+        Self::Direct,
+        Self::Indirect,
+        Self::Albedo,
+        Self::Normal,
+        Self::Depth,
+        Self::Error,
+        Self::Coverage,
+        Self::Gathers,
+        Self::Distance,
+    ];
+
+    /// Whether the layer needs the gathers' [`PixelDiagnostics`].
+    pub fn is_diagnostic(self) -> bool {
+        matches!(self, Self::Error | Self::Coverage | Self::Gathers | Self::Distance)
+    }
 
     /// The name on the command line and in EXR files.
     pub fn name(self) -> &'static str {
@@ -33,15 +57,20 @@ impl Aov {
             Self::Albedo => "albedo",
             Self::Normal => "normal",
             Self::Depth => "depth",
+            Self::Error => "error",
+            Self::Coverage => "coverage",
+            Self::Gathers => "gathers",
+            Self::Distance => "distance",
         }
     }
 
     /// Suffixes of the EXR channels, one a component.
     pub fn channels(self) -> &'static [&'static str] {
         match self {
-            Self::Direct | Self::Indirect | Self::Albedo => &["R", "G", "B"],
+            Self::Direct | Self::Indirect | Self::Albedo | Self::Error | Self::Coverage => &["R", "G", "B"],
             Self::Normal => &["X", "Y", "Z"],
-            Self::Depth => &["Z"],
+            Self::Depth | Self::Distance => &["Z"],
+            Self::Gathers => &["Y"],
         }
     }
 
@@ -76,6 +105,8 @@ impl FromStr for Aov {
 pub struct PixelValue {
     /// Emitted and directly reflected radiance.
     pub direct: Vec3,
+    /// The part of `direct` that surfaces reflect: without what emitters and the background send straight to the camera.
+    pub lit: Vec3,
     /// Indirectly reflected radiance.
     pub indirect: Vec3,
     /// See [`Aov::Albedo`].
@@ -84,6 +115,43 @@ pub struct PixelValue {
     pub normal: Vec3,
     /// See [`Aov::Depth`].
     pub depth: f32,
+    /// All zero unless asked for.
+    pub diagnostics: PixelDiagnostics,
+}
+
+/// How far the indirect part of a pixel can be trusted, and what its gathers saw.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct PixelDiagnostics {
+    /// See [`Aov::Error`].
+    pub error: Vec3,
+    /// See [`Aov::Coverage`].
+    pub coverage: Vec3,
+    /// See [`Aov::Gathers`].
+    pub gathers: f32,
+    /// See [`Aov::Distance`].
+    pub distance: f32,
+}
+
+impl AddAssign for PixelDiagnostics {
+    fn add_assign(&mut self, other: Self) {
+        self.error += other.error;
+        self.coverage += other.coverage;
+        self.gathers += other.gathers;
+        self.distance += other.distance;
+    }
+}
+
+impl Mul<f32> for PixelDiagnostics {
+    type Output = Self;
+
+    fn mul(self, factor: f32) -> Self {
+        Self {
+            error: self.error * factor,
+            coverage: self.coverage * factor,
+            gathers: self.gathers * factor,
+            distance: self.distance * factor,
+        }
+    }
 }
 
 impl PixelValue {
@@ -102,6 +170,11 @@ impl PixelValue {
         self.direct + self.indirect
     }
 
+    /// The picture without what emitters and the background send straight to the camera.
+    pub fn reflected(&self) -> Vec3 {
+        self.lit + self.indirect
+    }
+
     fn layer(&self, aov: Aov) -> Vec3 {
         match aov {
             Aov::Direct => self.direct,
@@ -109,6 +182,10 @@ impl PixelValue {
             Aov::Albedo => self.albedo,
             Aov::Normal => self.normal,
             Aov::Depth => Vec3::splat(self.depth),
+            Aov::Error => self.diagnostics.error,
+            Aov::Coverage => self.diagnostics.coverage,
+            Aov::Gathers => Vec3::splat(self.diagnostics.gathers),
+            Aov::Distance => Vec3::splat(self.diagnostics.distance),
         }
     }
 }
@@ -116,10 +193,12 @@ impl PixelValue {
 impl AddAssign for PixelValue {
     fn add_assign(&mut self, other: Self) {
         self.direct += other.direct;
+        self.lit += other.lit;
         self.indirect += other.indirect;
         self.albedo += other.albedo;
         self.normal += other.normal;
         self.depth += other.depth;
+        self.diagnostics += other.diagnostics;
     }
 }
 
@@ -129,10 +208,12 @@ impl Mul<f32> for PixelValue {
     fn mul(self, factor: f32) -> Self {
         Self {
             direct: self.direct * factor,
+            lit: self.lit * factor,
             indirect: self.indirect * factor,
             albedo: self.albedo * factor,
             normal: self.normal * factor,
             depth: self.depth * factor,
+            diagnostics: self.diagnostics * factor,
         }
     }
 }
@@ -162,6 +243,8 @@ pub struct Film {
     pub height: u32,
     /// Scene-linear Rec. 709 radiance, W sr-1 m-2.
     pub pixels: Vec<Vec3>,
+    /// For those who measure its error: each pixel's [`PixelValue::reflected`], `None` where no surface is seen.
+    pub reflected: Option<Vec<Option<Vec3>>>,
     layers: Vec<Layer>,
 }
 
@@ -174,7 +257,12 @@ impl Film {
             .filter(|aov| aovs.contains(aov))
             .map(|aov| Layer { aov, values: vec![0.0; count * aov.channels().len()] })
             .collect();
-        Self { width, height, pixels: vec![Vec3::ZERO; count], layers }
+        Self { width, height, pixels: vec![Vec3::ZERO; count], reflected: None, layers }
+    }
+
+    /// Makes room for reflected light apart, if that is wanted.
+    pub fn keep_reflected(&mut self, wanted: bool) {
+        self.reflected = wanted.then(|| vec![None; self.pixels.len()]);
     }
 
     /// The layers that were asked for.

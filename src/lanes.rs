@@ -118,6 +118,12 @@ pub fn dot<F: F32x8>(a: [F; 3], b: [F; 3]) -> F {
     (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]
 }
 
+/// Cross products.
+#[inline(always)]
+pub fn cross<F: F32x8>(a: [F; 3], b: [F; 3]) -> [F; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
 /// Plain arrays.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Portable([f32; LANES]);

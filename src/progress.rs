@@ -3,6 +3,7 @@
 use crate::stats::Stats;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::Write;
+use std::sync::{Mutex, PoisonError};
 
 /// Speaks to the user on standard error.
 #[derive(Debug)]
@@ -10,6 +11,8 @@ pub struct Reporter {
     quiet: bool,
     verbose: bool,
     bars: MultiProgress,
+    /// What [`Reporter::info_once`] has said.
+    told: Mutex<Vec<String>>,
 }
 
 impl Default for Reporter {
@@ -24,13 +27,27 @@ impl Reporter {
     pub fn new(quiet: bool, verbose: bool) -> Self {
         // Unless standard error is a terminal, this target draws nothing.
         let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
-        Self { quiet, verbose: verbose && !quiet, bars: MultiProgress::with_draw_target(target) }
+        Self {
+            quiet,
+            verbose: verbose && !quiet,
+            bars: MultiProgress::with_draw_target(target),
+            told: Mutex::default(),
+        }
     }
 
     /// A message for everyone who did not ask for silence.
     pub fn info(&self, message: &str) {
         if !self.quiet {
             self.say(message);
+        }
+    }
+
+    /// A message that needs no repeating, however often the work that tells it is done.
+    pub fn info_once(&self, message: &str) {
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        if !told.iter().any(|t| t == message) {
+            told.push(message.to_owned());
+            self.info(message);
         }
     }
 
@@ -86,6 +103,11 @@ impl Progress {
         self.bar.inc(steps);
     }
 
+    /// How many steps there will be, in the light of those done.
+    pub fn expect(&self, total: u64) {
+        self.bar.set_length(total.max(self.bar.position()));
+    }
+
     /// All is done: the bar vanishes.
     pub fn finish(&self) {
         self.bar.finish_and_clear();
@@ -115,6 +137,8 @@ mod tests {
         let progress = reporter.progress("rendering", 10);
         progress.advance(3);
         assert_eq!((progress.bar.position(), progress.bar.length()), (3, Some(10)));
+        progress.expect(2);
+        assert_eq!(progress.bar.length(), Some(3), "what is done was needed");
         progress.finish();
         assert!(progress.bar.is_finished());
     }

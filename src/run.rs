@@ -1,7 +1,7 @@
 //! What accompanies a run without changing its result: messages, clocks, counters, the stop flag.
 
 use crate::progress::Reporter;
-use crate::stats::{Counters, StageClock};
+use crate::stats::{Counters, Stage, StageClock};
 
 /// The companions of a run.
 #[derive(Default)]
@@ -18,5 +18,12 @@ impl Run {
     /// A run that speaks through `reporter`.
     pub fn new(reporter: Reporter) -> Self {
         Self { reporter, ..Self::default() }
+    }
+
+    /// Forgets the counts and times of a trial, but not those of loading.
+    pub fn forget_work(&mut self) {
+        let load = self.clock.busy(Stage::Load);
+        (self.clock, self.counters) = Default::default();
+        self.clock.add(Stage::Load, load);
     }
 }

@@ -20,6 +20,18 @@ pub enum GatherMethod {
     None,
 }
 
+impl GatherMethod {
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Hemicube => "hemicube",
+            Self::Traced => "traced",
+            Self::MonteCarlo => "monte-carlo",
+            Self::None => "none",
+        }
+    }
+}
+
 /// A named point on the measured frontier of speed and accuracy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
 pub enum Quality {
@@ -97,7 +109,7 @@ pub enum SurfelDensity {
 }
 
 /// Settings of the light transport, shared by all commands.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     /// Which device gathers.
     pub device: DeviceRequest,
@@ -132,6 +144,10 @@ pub struct Settings {
     pub frames_in_flight: usize,
     /// Seed of all random choices.
     pub seed: u32,
+    /// Whether every shading point keeps [`Diagnostics`](crate::shading::diagnostics::Diagnostics).
+    pub diagnostics: bool,
+    /// Whether the film keeps reflected light apart, for those who measure its error.
+    pub reflected: bool,
     /// Whether the Vulkan validation layers watch.
     pub validation: bool,
 }
@@ -155,6 +171,8 @@ impl Default for Settings {
             batch: BatchSize::Auto,
             frames_in_flight: 3,
             seed: 0,
+            diagnostics: false,
+            reflected: false,
             validation: false,
         }
     }

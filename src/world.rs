@@ -5,7 +5,7 @@ use crate::direct::Lights;
 use crate::error::Result;
 use crate::gather::Gatherer;
 use crate::gather::create::{Surfels, choose_device, create};
-use crate::gather::device::Choice;
+use crate::gather::device::{Choice, Chosen};
 use crate::gather::order::{Ordered, order};
 use crate::gather::traced::{TracedSettings, form_factors};
 use crate::hemicube::convolve::Convolver;
@@ -16,6 +16,7 @@ use crate::math::hash32;
 use crate::run::Run;
 use crate::scene::Scene;
 use crate::scene::topology::Edges;
+use crate::scenery::Scenery;
 use crate::settings::{BOUNCE_TOLERANCE, Bounces, Emitters, GatherMethod, Settings, SurfelDensity};
 use crate::stats::{DeviceInfo, Stage};
 use crate::surfel::closed::ClosedTest;
@@ -23,6 +24,7 @@ use crate::surfel::cloud::SurfelCloud;
 use crate::surfel::drawable::Drawables;
 use crate::surfel::generate::{Density, GenerateSettings, generate};
 use crate::surfel::hidden::visible_areas;
+use crate::surfel::hit_light::{Anew, HitLight};
 use crate::surfel::lookup::{RadianceLookup, SideLookup};
 use crate::surfel::shade::{ShadeSettings, shade};
 use crate::surfel::transfer::{Transfer, reflecting_sides, side_frame};
@@ -37,9 +39,9 @@ pub struct World {
     /// The scene.
     pub scene: Arc<Scene>,
     /// Ray queries on it.
-    pub accel: Accel,
+    pub accel: Arc<Accel>,
     /// Its lights.
-    pub lights: Lights,
+    pub lights: Arc<Lights>,
     /// Its surfels, shaded; empty when the gather method needs none.
     pub cloud: SurfelCloud,
     /// The hierarchy over the surfels, for level of detail.
@@ -48,6 +50,10 @@ pub struct World {
     pub drawables: Drawables,
     /// The light that surfaces send, for rays to look up: those of traced gathers, or of the near field.
     pub lookup: Option<RadianceLookup>,
+    /// The part of it that comes from the lights by one reflection, where there is more.
+    direct_lookup: Option<RadianceLookup>,
+    /// `Settings::emitters`.
+    emitters: Emitters,
     /// Pixel weights of the hemicube.
     pub weights: Weights,
     /// What gathers, and why that.
@@ -56,6 +62,8 @@ pub struct World {
     pub closed: ClosedTest,
     /// `Settings::near_field`.
     near_field: f32,
+    /// Whether gathers count what shows its black back.
+    census: bool,
     near_field_rays: AtomicU64,
 }
 
@@ -65,11 +73,35 @@ impl World {
     /// # Errors
     /// When surfels cannot be generated as asked, or the device fails.
     pub fn prepare(scene: Scene, cloud: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<Self> {
-        let scene = Arc::new(scene);
-        let (accel, lights) = run
-            .clock
-            .time(Stage::Load, || rayon::join(|| Accel::new(Arc::clone(&scene)), || Lights::new(&scene)));
-        let mut world = Self {
+        let scenery = run.clock.time(Stage::Load, || Scenery::new(scene));
+        Self::prepare_beside(&scenery, cloud, settings, run, |_, _| Ok(())).map(|(world, ())| world)
+    }
+
+    /// As [`World::prepare`], while other threads do something else that needs no surfels, with the device in mind that will
+    /// gather.
+    ///
+    /// # Errors
+    /// As [`World::prepare`], or those of what is done beside it.
+    pub fn prepare_beside<T: Send>(
+        scenery: &Scenery,
+        cloud: Option<SurfelCloud>,
+        settings: &Settings,
+        run: &Run,
+        beside: impl FnOnce(&Scenery, Chosen) -> Result<T> + Send,
+    ) -> Result<(Self, T)> {
+        let mut world = Self::without_surfels(scenery.clone(), settings)?;
+        run.reporter.info_once(&format!("device: {} ({})", world.device.name, world.device.reason));
+        run.reporter.verbose(|| format!("features: {}", world.scene.features().join(", ")));
+        let device = world.device.device;
+        let (prepared, done) =
+            rayon::join(|| world.prepare_gathering(cloud, settings, run), || beside(scenery, device));
+        prepared?;
+        Ok((world, done?))
+    }
+
+    fn without_surfels(scenery: Scenery, settings: &Settings) -> Result<Self> {
+        let Scenery { scene, accel, lights } = scenery;
+        Ok(Self {
             scene,
             accel,
             lights,
@@ -77,20 +109,37 @@ impl World {
             tree: None,
             drawables: Drawables::default(),
             lookup: None,
+            direct_lookup: None,
+            emitters: settings.emitters,
             weights: Weights::new(settings.face_resolution),
             device: choose_device(settings)?,
             closed: ClosedTest::none(),
             near_field: settings.near_field,
+            census: settings.diagnostics,
             near_field_rays: AtomicU64::new(0),
-        };
-        run.reporter.info(&format!("device: {} ({})", world.device.name, world.device.reason));
-        run.reporter.verbose(|| format!("features: {}", world.scene.features().join(", ")));
+        })
+    }
+
+    fn prepare_gathering(
+        &mut self,
+        cloud: Option<SurfelCloud>,
+        settings: &Settings,
+        run: &Run,
+    ) -> Result<()> {
         match settings.gather {
-            GatherMethod::Hemicube => world.prepare_drawing(cloud, settings, run)?,
-            GatherMethod::Traced => world.prepare_tracing(cloud, settings, run)?,
-            GatherMethod::MonteCarlo | GatherMethod::None => {}
+            GatherMethod::Hemicube => self.prepare_drawing(cloud, settings, run),
+            GatherMethod::Traced => self.prepare_tracing(cloud, settings, run),
+            GatherMethod::MonteCarlo | GatherMethod::None => Ok(()),
         }
-        Ok(world)
+    }
+
+    /// What camera rays and direct light need of it.
+    pub fn scenery(&self) -> Scenery {
+        Scenery {
+            scene: Arc::clone(&self.scene),
+            accel: Arc::clone(&self.accel),
+            lights: Arc::clone(&self.lights),
+        }
     }
 
     fn prepare_drawing(&mut self, cloud: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<()> {
@@ -99,9 +148,10 @@ impl World {
         self.drawables = Drawables::new(&self.cloud, self.tree.as_ref());
         self.drawables.enclosing = self.closed.encloses();
         run.reporter.verbose(|| self.surfels_in_words(settings));
-        self.bounce(settings, run)?;
-        if settings.near_field > 0.0 {
-            self.prepare_lookup(run);
+        let near_field = settings.near_field > 0.0;
+        self.bounce(settings, near_field, run)?;
+        if near_field {
+            self.lookup = Some(self.make_lookup(run));
         }
         Ok(())
     }
@@ -110,9 +160,8 @@ impl World {
         SurfelTree::weighted(&self.cloud, &visible_areas(&self.cloud, &self.accel, &self.closed))
     }
 
-    fn prepare_lookup(&mut self, run: &Run) {
-        let make = || RadianceLookup::new(&self.accel, &self.closed, &self.cloud);
-        self.lookup = Some(run.clock.time(Stage::Surfels, make));
+    fn make_lookup(&self, run: &Run) -> RadianceLookup {
+        run.clock.time(Stage::Surfels, || RadianceLookup::new(&self.accel, &self.closed, &self.cloud))
     }
 
     /// Rays that have replaced hemicube pixels near their receivers.
@@ -123,8 +172,8 @@ impl World {
     /// Rays see true surfaces, one by one: they need no tree.
     fn prepare_tracing(&mut self, cloud: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<()> {
         self.prepare_surfels(cloud, settings, run)?;
-        self.bounce(settings, run)?;
-        self.prepare_lookup(run);
+        self.bounce(settings, true, run)?;
+        self.lookup = Some(self.make_lookup(run));
         run.reporter.verbose(|| {
             let bytes = self.lookup.as_ref().map_or(0, RadianceLookup::bytes);
             format!("{} surfels, looked up in {} kB", self.cloud.len(), bytes.div_ceil(1000))
@@ -162,8 +211,9 @@ impl World {
         Ok(cloud)
     }
 
-    /// Reflects light among the surfels as often as asked, so that one gather at a shading point sees all bounces.
-    fn bounce(&mut self, settings: &Settings, run: &Run) -> Result<()> {
+    /// Reflects light among the surfels as often as asked, so that one gather at a shading point sees all bounces. For rays,
+    /// the light before that is kept.
+    fn bounce(&mut self, settings: &Settings, for_rays: bool, run: &Run) -> Result<()> {
         let among_surfels = match settings.emitters {
             // Shading the surfels was the first reflection of directly sampled light.
             Emitters::Sample => settings.bounces.limit().saturating_sub(1),
@@ -171,6 +221,9 @@ impl World {
         };
         if among_surfels == 0 {
             return Ok(());
+        }
+        if for_rays && settings.emitters == Emitters::Sample {
+            self.direct_lookup = Some(self.make_lookup(run));
         }
         let transfer = self.transfer(settings, run)?;
         let tolerance = if settings.bounces == Bounces::Infinite { BOUNCE_TOLERANCE } else { 0.0 };
@@ -246,14 +299,23 @@ impl World {
         order(receivers, self.tree.as_ref(), &cut, batch_size)
     }
 
+    /// What the hits of a gather's rays send; `None` without [`World::lookup`].
+    pub fn hit_light(&self) -> Option<HitLight<'_>> {
+        let anew = Anew { lights: &self.lights, direct: self.direct_lookup.as_ref() };
+        let anew = (self.emitters == Emitters::Sample).then_some(anew);
+        self.lookup.as_ref().map(|lookup| HitLight { accel: &self.accel, lookup, anew })
+    }
+
     /// Turns surfel ids into irradiance.
     pub fn convolver(&self) -> Convolver<'_> {
-        let convolver = Convolver::new(&self.drawables, &self.weights, self.scene.background);
-        match &self.lookup {
+        let mut convolver = Convolver::new(&self.drawables, &self.weights, self.scene.background);
+        if self.census {
+            convolver = convolver.with_census();
+        }
+        match self.hit_light() {
             None => convolver,
-            Some(lookup) => convolver.with_near_field(NearField {
-                accel: &self.accel,
-                lookup,
+            Some(light) => convolver.with_near_field(NearField {
+                light,
                 radii: self.near_field,
                 surfels: self.cloud.len(),
                 rays: &self.near_field_rays,
@@ -282,7 +344,7 @@ impl World {
         convolver: Option<Convolver<'a>>,
         settings: &Settings,
     ) -> Result<Box<dyn Gatherer + 'a>> {
-        let surfels = Surfels { drawables: &self.drawables, lookup: self.lookup.as_ref(), convolver };
+        let surfels = Surfels { drawables: &self.drawables, light: self.hit_light(), convolver };
         create(self.device.device, &self.accel, &self.lights, surfels, settings)
     }
 }

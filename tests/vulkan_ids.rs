@@ -12,7 +12,7 @@ use std::process::Command;
 use surflux::gather::cpu::{CpuGatherer, CpuSettings};
 use surflux::gather::crew::Crew;
 use surflux::gather::vulkan::{
-    BatchSize, FacesPerPass, ValidationLog, VulkanGatherer, VulkanSettings, list_devices,
+    BatchSize, FacesPerPass, Route, ValidationLog, VulkanGatherer, VulkanSettings, list_devices,
 };
 use surflux::gather::{Batch, Gatherer, Output};
 use surflux::hemicube::frame::{RECEIVER_INSIDE, Receiver};
@@ -25,6 +25,7 @@ const SWIFTSHADER: &str = "/usr/lib/chromium/vk_swiftshader_icd.json";
 const CHILD_DEVICE: &str = "SURFLUX_TEST_DEVICE";
 const SURFELS: usize = 2000;
 const SHAPES: [SurfelShape; 2] = [SurfelShape::Disc, SurfelShape::Triangle];
+const ROUTES: [Route; 2] = [Route::Raster, Route::Compute];
 
 /// A point on an inner wall of the unit cube, and the wall's normal.
 fn wall(rng: &mut Rng) -> (Vec3, Vec3) {
@@ -115,21 +116,23 @@ fn assert_silent(log: &ValidationLog) {
     assert_eq!(log.messages(), Vec::<String>::new(), "the validation layer has nothing to say");
 }
 
-/// Compares a device with the CPU at a resolution.
+/// Compares both routes of a device with the CPU at a resolution.
 fn compare(device: usize, shape: SurfelShape, resolution: u32, hemicubes: usize) {
     let splats = room(SURFELS, resolution);
     let receivers = receivers(hemicubes, resolution);
-    let settings = VulkanSettings { resolution, ..Default::default() };
-    let mut vulkan = VulkanGatherer::new(device, &splats, shape, settings).unwrap();
-    let batch = vulkan.batch_size();
-    let drawn = tiles(&mut vulkan, &receivers, batch);
     let expected = cpu_tiles(&splats, shape, resolution, &receivers);
     let pixels = expected.iter().flatten().count();
     let covered = expected.iter().flatten().filter(|&&id| id > 0).count();
-    let wrong = differing(&drawn, &expected);
-    println!("{shape:?} N = {resolution}: {wrong} of {pixels} pixels differ, {covered} are covered");
     assert!(covered * 4 > pixels, "enough surfels are seen to mean something");
-    assert!(wrong * 10_000 <= pixels, "{shape:?} N = {resolution}: {wrong} of {pixels} pixels differ");
+    for route in ROUTES {
+        let settings = VulkanSettings { resolution, route, ..Default::default() };
+        let mut vulkan = VulkanGatherer::new(device, &splats, shape, settings).unwrap();
+        let batch = vulkan.batch_size();
+        let wrong = differing(&tiles(&mut vulkan, &receivers, batch), &expected);
+        let what = format!("{shape:?} N = {resolution} {route:?}: {wrong} of {pixels} pixels differ");
+        println!("{what}, {covered} are covered");
+        assert!(wrong * 10_000 <= pixels, "{what}");
+    }
 }
 
 fn compare_all(device: usize) {
@@ -181,17 +184,19 @@ fn ids_do_not_depend_on_batches_and_validation_is_silent() {
     let Some(device) = lavapipe() else { return };
     let (splats, receivers) = (room(500, 1), receivers(1100, 1));
     let expected = cpu_tiles(&splats, SurfelShape::Disc, 8, &receivers);
-    for (batch, frames_in_flight) in [(1, 1), (1, 3), (64, 1), (64, 3), (1024, 1), (1024, 3)] {
+    let sizes = [(1, 1), (1, 3), (64, 1), (64, 3), (1024, 1), (1024, 3)];
+    for (route, (batch, frames_in_flight)) in ROUTES.into_iter().flat_map(|r| sizes.map(|size| (r, size))) {
         let settings = VulkanSettings {
             batch: BatchSize::Fixed(batch),
             frames_in_flight,
+            route,
             validation: true,
             ..Default::default()
         };
         let mut vulkan = VulkanGatherer::new(device, &splats, SurfelShape::Disc, settings).unwrap();
         assert_eq!((vulkan.batch_size(), vulkan.frames_in_flight()), (batch, frames_in_flight));
         let wrong = differing(&tiles(&mut vulkan, &receivers, batch), &expected);
-        assert_eq!(wrong, 0, "batches of {batch}, {frames_in_flight} in flight");
+        assert_eq!(wrong, 0, "{route:?}, batches of {batch}, {frames_in_flight} in flight");
         let log = vulkan.validation_log();
         drop(vulkan);
         assert_silent(&log);
@@ -205,9 +210,12 @@ fn two_devices_draw_the_same_ids_and_validation_is_silent() {
     let expected = cpu_tiles(&splats, SurfelShape::Disc, 8, &receivers);
     for batch in [1, 64, 1024] {
         let batch_size = BatchSize::Fixed(batch);
-        let settings = VulkanSettings { batch: batch_size, validation: true, ..Default::default() };
-        let open = || VulkanGatherer::new(device, &splats, SurfelShape::Disc, settings).unwrap();
-        let members = vec![open(), open()];
+        let open = |route| {
+            let settings =
+                VulkanSettings { batch: batch_size, route, validation: true, ..Default::default() };
+            VulkanGatherer::new(device, &splats, SurfelShape::Disc, settings).unwrap()
+        };
+        let members = Vec::from(ROUTES.map(open));
         let logs: Vec<_> = members.iter().map(VulkanGatherer::validation_log).collect();
         let mut crew = Crew::new(members);
         assert_eq!((crew.batch_size(), crew.frames_in_flight()), (batch, 6));
@@ -222,14 +230,16 @@ fn two_devices_draw_the_same_ids_and_validation_is_silent() {
 fn triangles_are_valid_too_and_so_are_batches_left_under_way() {
     let Some(device) = lavapipe() else { return };
     let splats = room(300, 2);
-    let settings = VulkanSettings { validation: true, ..Default::default() };
-    let mut vulkan = VulkanGatherer::new(device, &splats, SurfelShape::Triangle, settings).unwrap();
-    for first in [0, 50] {
-        vulkan.submit(Batch { first, receivers: receivers(50, 2), ..Batch::default() }).unwrap();
+    for route in ROUTES {
+        let settings = VulkanSettings { route, validation: true, ..Default::default() };
+        let mut vulkan = VulkanGatherer::new(device, &splats, SurfelShape::Triangle, settings).unwrap();
+        for first in [0, 50] {
+            vulkan.submit(Batch { first, receivers: receivers(50, 2), ..Batch::default() }).unwrap();
+        }
+        let log = vulkan.validation_log();
+        drop(vulkan);
+        assert_silent(&log);
     }
-    let log = vulkan.validation_log();
-    drop(vulkan);
-    assert_silent(&log);
 }
 
 #[test]
@@ -250,23 +260,26 @@ fn one_face_a_pass_gives_the_same_ids() {
 fn little_memory_means_small_submits_and_the_same_ids() {
     let Some(device) = lavapipe() else { return };
     let (splats, receivers) = (room(200, 4), receivers(300, 4));
-    let settings = VulkanSettings { memory_budget: Some(200_000), ..Default::default() };
-    let mut vulkan = VulkanGatherer::new(device, &splats, SurfelShape::Disc, settings).unwrap();
-    assert!(vulkan.batch_size() < 32, "{} hemicubes in 200 kB", vulkan.batch_size());
-    // One batch, larger than all slots together.
-    let drawn = tiles(&mut vulkan, &receivers, receivers.len());
-    assert_eq!(differing(&drawn, &cpu_tiles(&splats, SurfelShape::Disc, 8, &receivers)), 0);
-    let stats = vulkan.stats();
-    assert!(stats.batches == 1 && stats.submits > 10 && stats.hemicubes == 300, "{stats:?}");
-    assert_eq!(stats.readback_bytes % 768, 0, "{stats:?}");
-    assert!(stats.gpu_seconds > 0.0, "{stats:?}");
+    let expected = cpu_tiles(&splats, SurfelShape::Disc, 8, &receivers);
+    for (route, budget) in ROUTES.into_iter().zip([200_000, 40_000]) {
+        let settings = VulkanSettings { route, memory_budget: Some(budget), ..Default::default() };
+        let mut vulkan = VulkanGatherer::new(device, &splats, SurfelShape::Disc, settings).unwrap();
+        assert!(vulkan.batch_size() < 32, "{} hemicubes in {budget} bytes", vulkan.batch_size());
+        // One batch, larger than all slots together.
+        let drawn = tiles(&mut vulkan, &receivers, receivers.len());
+        assert_eq!(differing(&drawn, &expected), 0, "{route:?}");
+        let stats = vulkan.stats();
+        assert!(stats.batches == 1 && stats.submits > 10 && stats.hemicubes == 300, "{stats:?}");
+        assert_eq!(stats.readback_bytes % 768, 0, "{stats:?}");
+        assert!(stats.gpu_seconds > 0.0, "{stats:?}");
+    }
 }
 
 #[test]
 fn nothing_to_draw_and_nobody_to_draw_for_are_no_errors() {
     let Some(device) = lavapipe() else { return };
-    for shape in SHAPES {
-        let settings = VulkanSettings { validation: true, ..Default::default() };
+    for (shape, route) in SHAPES.into_iter().flat_map(|shape| ROUTES.map(|route| (shape, route))) {
+        let settings = VulkanSettings { route, validation: true, ..Default::default() };
         let mut vulkan = VulkanGatherer::new(device, &[], shape, settings).unwrap();
         assert!(vulkan.finish().unwrap().is_none());
         let drawn = tiles(&mut vulkan, &receivers(3, 5), 2);

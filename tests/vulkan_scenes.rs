@@ -10,7 +10,7 @@ mod common;
 use common::vulkan::lavapipe;
 use surflux::gather::cpu::{CpuGatherer, CpuSettings};
 use surflux::gather::stage::gather_all;
-use surflux::gather::vulkan::{VulkanGatherer, VulkanSettings};
+use surflux::gather::vulkan::{Route, VulkanGatherer, VulkanSettings};
 use surflux::gather::{Batch, Gatherer, Output};
 use surflux::hemicube::frame::Receiver;
 use surflux::run::Run;
@@ -63,18 +63,23 @@ fn compare(scene: &str, shape: SurfelShape, lod: f32, device: usize) {
         let drawables = &world.drawables;
         let cpu = CpuSettings { resolution, ..CpuSettings::default() };
         let mut cpu = CpuGatherer::new(drawables.splats.clone(), shape, cpu).unwrap();
-        let vulkan = VulkanSettings { resolution, validation: resolution == 8, ..VulkanSettings::default() };
-        let mut vulkan = VulkanGatherer::new(device, &drawables.splats, shape, vulkan).unwrap();
-        let (expected, drawn) = (ids(&mut cpu, batches.clone()), ids(&mut vulkan, batches));
-        let log = vulkan.validation_log();
-        drop(vulkan);
-        assert_eq!(log.messages(), Vec::<String>::new(), "the validation layer has nothing to say");
-        let pairs = || expected.iter().flatten().zip(drawn.iter().flatten());
-        let (wrong, pixels) = (pairs().filter(|(a, b)| a != b).count(), pairs().count());
-        let covered = pairs().filter(|(a, _)| **a != 0).count();
-        println!("{scene} {shape:?} N = {resolution} lod {lod}: {wrong} of {pixels} pixels differ");
-        assert!(covered * 4 > pixels, "the surfels are seen");
-        assert!(wrong * 10_000 <= pixels, "{scene} {shape:?} N = {resolution}: {wrong} of {pixels} differ");
+        let expected = ids(&mut cpu, batches.clone());
+        for route in [Route::Raster, Route::Compute] {
+            let validation = resolution == 8;
+            let vulkan = VulkanSettings { resolution, route, validation, ..VulkanSettings::default() };
+            let mut vulkan = VulkanGatherer::new(device, &drawables.splats, shape, vulkan).unwrap();
+            let drawn = ids(&mut vulkan, batches.clone());
+            let log = vulkan.validation_log();
+            drop(vulkan);
+            assert_eq!(log.messages(), Vec::<String>::new(), "the validation layer has nothing to say");
+            let pairs = || expected.iter().flatten().zip(drawn.iter().flatten());
+            let (wrong, pixels) = (pairs().filter(|(a, b)| a != b).count(), pairs().count());
+            let covered = pairs().filter(|(a, _)| **a != 0).count();
+            let what = format!("{scene} {shape:?} {route:?} N = {resolution} lod {lod}");
+            println!("{what}: {wrong} of {pixels} pixels differ");
+            assert!(covered * 4 > pixels, "the surfels are seen");
+            assert!(wrong * 10_000 <= pixels, "{what}: {wrong} of {pixels} differ");
+        }
     }
 }
 

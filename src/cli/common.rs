@@ -2,6 +2,7 @@
 
 use crate::error::Result;
 use crate::gather::device::DeviceRequest;
+use crate::grade::Grade;
 use crate::hemicube::frame::{MAX_RESOLUTION, MIN_RESOLUTION};
 use crate::progress::Reporter;
 use crate::run::Run;
@@ -11,6 +12,9 @@ use crate::surfel::cloud::{SurfelCloud, SurfelShape};
 use clap::Args;
 use glam::{DVec3, Vec3};
 use std::path::PathBuf;
+
+/// The grade of `--quality reference`, the last that hemicubes are taken for when the user leaves that open.
+const BEST_OF_HEMICUBES: f64 = 3.0;
 
 /// The scene and what the command line adds to it.
 #[derive(Debug, Args)]
@@ -55,9 +59,9 @@ pub struct TransportArgs {
     #[arg(long, default_value = "auto", allow_hyphen_values = true)]
     pub device: DeviceRequest,
 
-    /// How indirect light is gathered
-    #[arg(long, value_enum, default_value_t)]
-    pub gather: GatherMethod,
+    /// How indirect light is gathered (by hemicubes unless given)
+    #[arg(long, value_enum)]
+    pub gather: Option<GatherMethod>,
 
     /// A point on the frontier of speed and accuracy; the options below that name no default take it from here
     #[arg(long, value_enum, default_value_t)]
@@ -172,8 +176,23 @@ impl CameraArgs {
 impl TransportArgs {
     /// The settings of the transport.
     pub fn settings(&self) -> Settings {
-        let gather = if self.bounces == Bounces::Count(0) { GatherMethod::None } else { self.gather };
-        let quality = self.quality.settings(gather);
+        self.with_own(self.quality.settings(self.gather(GatherMethod::default())))
+    }
+
+    /// The settings of a grade, as far as the user leaves them open. Beyond the named qualities, rays reach an error sooner than hemicubes.
+    pub fn settings_at(&self, grade: Grade) -> Settings {
+        let beyond = grade.number() > BEST_OF_HEMICUBES && self.device == DeviceRequest::Auto;
+        let open = if beyond { GatherMethod::Traced } else { GatherMethod::Hemicube };
+        self.with_own(grade.settings(self.gather(open)))
+    }
+
+    /// What the user asked for, or else `open`.
+    pub fn gather(&self, open: GatherMethod) -> GatherMethod {
+        if self.bounces == Bounces::Count(0) { GatherMethod::None } else { self.gather.unwrap_or(open) }
+    }
+
+    /// Settings with the user's own in place of those.
+    fn with_own(&self, quality: Settings) -> Settings {
         let density = match (self.surfel_spacing, self.surfels_per_primitive, self.surfels) {
             (Some(d), _, _) => SurfelDensity::Spacing(d),
             (_, Some(n), _) => SurfelDensity::PerPrimitive(n),
@@ -240,7 +259,8 @@ pub fn finite(text: &str) -> std::result::Result<f32, String> {
         .ok_or_else(|| format!("must be a finite number, not '{text}'"))
 }
 
-fn positive(text: &str) -> std::result::Result<f64, String> {
+/// Parses a finite number above 0.
+pub fn positive(text: &str) -> std::result::Result<f64, String> {
     text.parse::<f64>()
         .ok()
         .filter(|v| v.is_finite() && *v > 0.0)
@@ -284,6 +304,7 @@ fn frames_in_flight(text: &str) -> std::result::Result<usize, String> {
     text.parse::<usize>().ok().filter(|n| (1..=16).contains(n)).ok_or_else(|| "must be from 1 to 16".into())
 }
 
-fn threads(text: &str) -> std::result::Result<usize, String> {
+/// Parses a number of worker threads.
+pub fn threads(text: &str) -> std::result::Result<usize, String> {
     text.parse::<usize>().ok().filter(|n| *n <= 1024).ok_or_else(|| "must be from 0 to 1024".into())
 }

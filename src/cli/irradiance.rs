@@ -85,7 +85,7 @@ fn settings(args: &IrradianceArgs) -> Result<Settings> {
         (Emitters::Sample, Some(Part::Direct)) => settings.gather = GatherMethod::None,
         (Emitters::Sample, _) => {}
         (Emitters::Gather, only) => {
-            settings.gather = args.transport.gather;
+            settings.gather = args.transport.gather.unwrap_or_default();
             if only == Some(Part::Direct) {
                 settings.bounces = Bounces::Count(0);
             }

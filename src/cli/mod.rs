@@ -4,8 +4,10 @@ mod common;
 mod compare;
 mod devices;
 mod irradiance;
+mod promise;
 mod render;
 mod surfels;
+mod sweep;
 
 use crate::error::{Error, Result};
 use clap::{Parser, Subcommand};
@@ -37,6 +39,12 @@ enum Command {
     Surfels(surfels::SurfelsArgs),
     /// Measure how far two pictures differ
     Compare(compare::CompareArgs),
+    /// Render a scene with many settings: time against error as a table, JSON and a plot
+    ///
+    /// Every render is a process of its own, timed from start to end, and measured against a Monte Carlo reference whose own
+    /// noise is taken out of the errors. The table goes to standard output.
+    #[command(allow_negative_numbers = true)]
+    Sweep(Box<sweep::SweepArgs>),
     /// List the devices that can gather, and what each is good for
     Devices(devices::DevicesArgs),
 }
@@ -62,6 +70,7 @@ fn run(command: &Command) -> Result<u8> {
         Command::Irradiance(args) => irradiance::run(args).map(|()| 0),
         Command::Surfels(args) => surfels::run(args).map(|()| 0),
         Command::Compare(args) => compare::run(args),
+        Command::Sweep(args) => sweep::run(args).map(|()| 0),
         Command::Devices(args) => devices::run(args).map(|()| 0),
     }
 }

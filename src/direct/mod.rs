@@ -105,6 +105,15 @@ pub struct Sampling {
     pub samples: u32,
 }
 
+/// Which light a single shadow ray goes to, and to which point of it; each number in [0, 1).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LightChoice {
+    /// Falls to a light in proportion to its unshadowed light.
+    pub choice: f32,
+    /// Belongs to a point of that light.
+    pub u: Vec2,
+}
+
 /// A Blinn-Phong lobe and who looks at it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gloss {
@@ -145,17 +154,6 @@ impl std::ops::Mul<f32> for DirectLight {
     fn mul(self, factor: f32) -> Self {
         Self { irradiance: self.irradiance * factor, specular: self.specular * factor }
     }
-}
-
-/// Irradiance of a small piece of surface, and what its shadow rays met.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct PieceLight {
-    /// Mean irradiance, W m-2.
-    pub irradiance: Vec3,
-    /// One bit for each light that some ray reached.
-    pub lit: u32,
-    /// One bit for each light that some ray did not reach.
-    pub shaded: u32,
 }
 
 #[derive(Debug, Clone)]
@@ -289,41 +287,53 @@ impl Lights {
         point: &LitPoint,
         radius: f32,
         sampling: Sampling,
-    ) -> Option<PieceLight> {
+    ) -> Option<Vec3> {
         if self.exact.len() > OWN_RAYS_LIMIT || self.many.is_some() {
             return None;
         }
         let query = Query { accel, point, gloss: None };
         let local = Local::new(point);
         let Sampling { seed, stream, samples } = sampling;
-        let mut piece = PieceLight::default();
-        for (i, view) in self.views(&local) {
+        let of_light = |(i, view): (usize, View)| {
             let sequences = [0, u32::MAX].map(|purpose| Sequence::new(seed, stream, i as u32 ^ purpose));
-            let tally = shadow::from_disc(&query, &view, sequences, samples.max(1), radius);
-            let [lit, shaded] = tally.outcomes();
-            piece.irradiance += tally.shadowed(view.unshadowed).irradiance;
-            piece.lit |= u32::from(lit) << i;
-            piece.shaded |= u32::from(shaded) << i;
-        }
-        Some(piece)
+            shadow::from_disc(&query, &view, sequences, samples.max(1), radius)
+                .shadowed(view.unshadowed)
+                .irradiance
+        };
+        Some(self.views(&local).map(of_light).sum())
     }
 
     /// An unbiased estimate of the irradiance, W m-2, from one shadow ray (two rays beyond [`EXACT_LIMIT`] emitters), for
     /// averages over many points.
     pub fn estimate(&self, accel: &Accel, point: &LitPoint, rng: &mut Rng) -> Vec3 {
-        let query = Query { accel, point, gloss: None };
+        let choice = if self.exact.len() > 1 { rng.unit() } else { 0.0 };
+        let u = rng.unit2();
+        self.estimate_with(accel, point, None, LightChoice { choice, u }, rng).irradiance
+    }
+
+    /// As [`Self::estimate`], with specular light, and with the shadow ray that belongs to a light and a point on it: averages
+    /// over evenly spread choices are freer of noise.
+    pub fn estimate_with(
+        &self,
+        accel: &Accel,
+        point: &LitPoint,
+        gloss: Option<Gloss>,
+        LightChoice { choice, u }: LightChoice,
+        rng: &mut Rng,
+    ) -> DirectLight {
+        let query = Query { accel, point, gloss };
         let mut tally = Tally::default();
         let local = Local::new(point);
         if let [only] = self.exact.as_slice() {
             // Nothing to choose, so what is seen of it need be found but once.
-            only.view(&local).iter().for_each(|view| tally.trace(&query, view, 1.0, rng.unit2()));
+            only.view(&local).iter().for_each(|view| tally.trace(&query, view, 1.0, u));
         } else if let Some(seen) = SeenLights::new(self, local) {
-            seen.trace(&mut tally, &query, rng.unit(), rng.unit2());
+            seen.trace(&mut tally, &query, choice, u);
         }
         let mut sum = tally.mean();
         if let Some(many) = &self.many {
             let sequences = [0, 1, 2].map(|k| Sequence::new(rng.next_u32(), 0, k));
-            sum += many.estimate(&query, sequences, 2).irradiance;
+            sum += many.estimate(&query, sequences, 2);
         }
         sum
     }

@@ -34,8 +34,6 @@ pub(super) struct Tally {
     specular: Vec3,
     rays: u32,
     lit_rays: u32,
-    /// Rays whose light would have counted and was stopped.
-    blocked_rays: u32,
 }
 
 impl Tally {
@@ -45,25 +43,17 @@ impl Tally {
         let share = view.unshadowed * (sample.weight / probability);
         self.rays += 1;
         self.all += share;
-        if sample.weight > 0.0 {
-            if view.reached(query, &sample) {
-                self.lit_rays += 1;
-                self.arrived += share;
-                self.specular += sample.perpendicular * (query.lobe(sample.direction) / probability);
-            } else {
-                self.blocked_rays += 1;
-            }
+        if sample.weight > 0.0 && view.reached(query, &sample) {
+            self.lit_rays += 1;
+            self.arrived += share;
+            self.specular += sample.perpendicular * (query.lobe(sample.direction) / probability);
         }
     }
 
-    /// Whether some ray reached the light, and whether some ray was stopped.
-    pub(super) fn outcomes(&self) -> [bool; 2] {
-        [self.lit_rays > 0, self.blocked_rays > 0]
-    }
-
-    /// Mean of what arrived: an unbiased estimate of the irradiance, W m-2.
-    pub(super) fn mean(&self) -> Vec3 {
-        self.arrived / self.rays.max(1) as f32
+    /// Mean of what arrived: an unbiased estimate.
+    pub(super) fn mean(&self) -> DirectLight {
+        let share = 1.0 / self.rays.max(1) as f32;
+        DirectLight { irradiance: self.arrived * share, specular: self.specular * share }
     }
 
     /// Visibility, channel by channel, 0..=1. Where no sample stands for any of a channel: the share of lit rays.

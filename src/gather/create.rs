@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::hemicube::convolve::Convolver;
 use crate::settings::{GatherMethod, Settings};
 use crate::surfel::drawable::Drawables;
-use crate::surfel::lookup::RadianceLookup;
+use crate::surfel::hit_light::HitLight;
 
 /// Batches of the software rasteriser: enough groups to keep every thread busy to the end, few enough texels to stay in the
 /// cache where ids are wanted.
@@ -39,8 +39,8 @@ pub fn choose_device(settings: &Settings) -> Result<Choice> {
 pub struct Surfels<'a> {
     /// To be drawn into hemicubes.
     pub drawables: &'a Drawables,
-    /// To be looked up where a ray meets a surface.
-    pub lookup: Option<&'a RadianceLookup>,
+    /// For rays that meet a surface.
+    pub light: Option<HitLight<'a>>,
     /// For gatherers that convolve their own hemicubes; without it, they hand back surfel ids.
     pub convolver: Option<Convolver<'a>>,
 }
@@ -56,7 +56,7 @@ pub fn create<'a>(
     surfels: Surfels<'a>,
     settings: &Settings,
 ) -> Result<Box<dyn Gatherer + 'a>> {
-    let Surfels { drawables, lookup, convolver } = surfels;
+    let Surfels { drawables, light, convolver } = surfels;
     let resolution = settings.face_resolution;
     let frames_in_flight = settings.frames_in_flight;
     Ok(match (settings.gather, device) {
@@ -69,7 +69,7 @@ pub fn create<'a>(
         (GatherMethod::Traced, _) => {
             let missing = || Error::Failed("a traced gather needs a world prepared for it".into());
             let rays = TracedSettings { samples: settings.gather_samples, seed: settings.seed };
-            Box::new(TracedGatherer::new(accel, lookup.ok_or_else(missing)?, rays))
+            Box::new(TracedGatherer::new(light.ok_or_else(missing)?, rays))
         }
         (GatherMethod::Hemicube, Chosen::Cpu) => {
             let batch = match settings.batch {

@@ -9,7 +9,7 @@ use crate::accel::{Accel, Hit, RAY_OFFSET, offset_origin};
 use crate::direct::sequence::Sequence;
 use crate::direct::{Emitters, Lights, LitPoint};
 use crate::error::Result;
-use crate::hemicube::frame::Receiver;
+use crate::hemicube::frame::{Coverage, Receiver};
 use crate::math::{Frame, Rng, cosine_hemisphere};
 use glam::{DVec3, Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
@@ -65,22 +65,28 @@ impl<'a> MonteCarloGatherer<'a> {
         let mut rng = Rng::new(self.settings.seed, u64::from(receiver.seed));
         let strata = Strata::new(&self.settings, receiver);
         let frame = Frame::from_normal(receiver.normal);
-        let (mut sum, mut closeness) = (DVec3::ZERO, 0.0);
+        let (mut sum, mut closeness, mut misses) = (DVec3::ZERO, 0.0, 0);
         for i in 0..samples {
             let direction = frame.to_world(cosine_hemisphere(strata.point(i, &mut rng)));
             let origin = offset_origin(receiver.position, receiver.normal, direction);
-            let path = self.radiance(origin, direction, &mut rng);
+            let path = self.path(origin, direction, &mut rng);
             sum += path.radiance.as_dvec3();
             closeness += 1.0 / path.distance;
+            misses += u32::from(path.distance.is_infinite());
         }
         Estimate {
             irradiance: (sum * (PI / f64::from(samples))).as_vec3(),
             closeness: closeness / samples as f32,
+            coverage: Coverage { empty: misses as f32 / samples as f32, ..Coverage::default() },
         }
     }
 
-    /// Radiance that arrives along a ray, W sr-1 m-2, estimated by one path.
-    fn radiance(&self, mut origin: Vec3, mut direction: Vec3, rng: &mut Rng) -> Path {
+    /// Radiance that arrives along a ray, W sr-1 m-2: an unbiased estimate by one path.
+    pub fn radiance(&self, origin: Vec3, direction: Vec3, rng: &mut Rng) -> Vec3 {
+        self.path(origin, direction, rng).radiance
+    }
+
+    fn path(&self, mut origin: Vec3, mut direction: Vec3, rng: &mut Rng) -> Path {
         let mut path = Path { radiance: Vec3::ZERO, distance: f32::INFINITY };
         let mut throughput = Vec3::ONE;
         for depth in 1..=self.longest_path() {

@@ -8,10 +8,11 @@ use super::{Batch, Estimate, Gathered, Gatherer};
 use crate::accel::{Accel, RAY_OFFSET, SurfacePoint, offset_origin};
 use crate::direct::sequence::Sequence;
 use crate::error::Result;
-use crate::hemicube::frame::Receiver;
+use crate::hemicube::frame::{Coverage, Receiver};
 use crate::interrupt;
 use crate::math::{cosine_hemisphere, hash32};
-use crate::surfel::lookup::{RadianceLookup, SideLookup};
+use crate::surfel::hit_light::{GatherRay, HitLight};
+use crate::surfel::lookup::SideLookup;
 use crate::surfel::transfer::Row;
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
@@ -34,37 +35,44 @@ pub struct TracedSettings {
 
 /// Gathers by tracing rays to the surfels.
 pub struct TracedGatherer<'a> {
-    accel: &'a Accel,
-    lookup: &'a RadianceLookup,
+    light: HitLight<'a>,
     rays: RaySets,
     finished: Option<Gathered>,
 }
 
 impl<'a> TracedGatherer<'a> {
-    /// A gatherer for the scene of `accel`, whose surfaces send what `lookup` says.
-    pub fn new(accel: &'a Accel, lookup: &'a RadianceLookup, settings: TracedSettings) -> Self {
-        Self { accel, lookup, rays: RaySets::new(settings), finished: None }
+    /// A gatherer for a scene whose surfaces send what `light` says.
+    pub fn new(light: HitLight<'a>, settings: TracedSettings) -> Self {
+        Self { light, rays: RaySets::new(settings), finished: None }
     }
 
     /// Irradiance at a receiver: a function of the settings and of the receiver (its seed included) alone.
     pub fn estimate(&self, receiver: &Receiver) -> Estimate {
-        let background = self.accel.scene().background;
-        let (mut total, mut closeness) = (DVec3::ZERO, 0.0);
+        let accel = self.light.accel;
+        let background = accel.scene().background;
+        let (mut total, mut closeness, mut misses) = (DVec3::ZERO, 0.0, 0);
         let rays = self.rays.of(receiver);
         for run in rays.chunks(RUN) {
             let (mut sum, mut close) = (Vec3::ZERO, 0.0);
-            trace(self.accel, receiver, run, |hit| match hit {
+            trace(accel, receiver, run, |ray, hit| match hit {
                 Some(hit) => {
-                    sum += self.lookup.radiance(&hit);
+                    sum += self.light.radiance(ray, &hit);
                     close += 1.0 / hit.t.max(RAY_OFFSET);
                 }
-                None => sum += background,
+                None => {
+                    sum += background;
+                    misses += 1;
+                }
             });
             total += sum.as_dvec3();
             closeness += f64::from(close);
         }
         let rays = rays.len() as f64;
-        Estimate { irradiance: (total * (PI / rays)).as_vec3(), closeness: (closeness / rays) as f32 }
+        Estimate {
+            irradiance: (total * (PI / rays)).as_vec3(),
+            closeness: (closeness / rays) as f32,
+            coverage: Coverage { empty: (f64::from(misses) / rays) as f32, ..Coverage::default() },
+        }
     }
 }
 
@@ -105,7 +113,7 @@ pub fn form_factors(
         let rays = rays.of(receiver);
         let share = 1.0 / rays.len() as f32;
         let (mut sides, mut background) = (Vec::with_capacity(rays.len()), 0.0);
-        trace(accel, receiver, rays, |hit| match hit {
+        trace(accel, receiver, rays, |_, hit| match hit {
             Some(hit) => sides.extend(lookup.side(&hit).map(|side| (side, share))),
             None => background += share,
         });
@@ -116,12 +124,20 @@ pub fn form_factors(
 
 /// Calls `found` with what each ray of a receiver meets.
 #[inline]
-fn trace(accel: &Accel, receiver: &Receiver, rays: &[Vec3], mut found: impl FnMut(Option<SurfacePoint>)) {
+fn trace(
+    accel: &Accel,
+    receiver: &Receiver,
+    rays: &[Vec3],
+    mut found: impl FnMut(&GatherRay, Option<SurfacePoint>),
+) {
     let frame = receiver.frame();
     for &local in rays {
         let direction = frame.to_world(local);
         let origin = offset_origin(receiver.position, receiver.normal, direction);
-        found(accel.closest_point(origin, direction, f32::INFINITY));
+        // No two rays of a set leave the same way.
+        let stream = u64::from(receiver.seed) << 32 | u64::from(local.x.to_bits());
+        let ray = GatherRay { origin, direction, stream };
+        found(&ray, accel.closest_point(origin, direction, f32::INFINITY));
     }
 }
 

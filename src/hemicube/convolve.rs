@@ -1,10 +1,11 @@
 //! From the ids of a hemicube to the irradiance at its foot: E = pi sum(weight x radiance).
 
 use super::atlas::{EMPTY, IdAtlas};
-use super::frame::{Estimate, FACES, Receiver, from_face, pixel_direction, rows};
-use super::near_field::{Correction, Depths, Drawn, NearField};
+use super::frame::{Coverage, Estimate, FACES, Receiver, from_face, pixel_direction, rows};
+use super::near_field::{Depths, Drawn, NearField, Sums};
 use super::weights::Weights;
 use crate::accel::RAY_OFFSET;
+use crate::surfel::cloud::FLAG_TWO_SIDED;
 use crate::surfel::drawable::Drawables;
 use glam::Vec3;
 use std::f32::consts::PI;
@@ -15,25 +16,6 @@ pub(super) const GREATEST_INVERSE_DEPTH: f32 = 1.0 / RAY_OFFSET;
 /// More than this of the weight uncovered is no gap between discs.
 const WIDEST_GAPS: f32 = 0.1;
 
-/// Weighted sums over a hemicube's pixels.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Sums {
-    /// Of radiance, but for the background.
-    pub radiance: Vec3,
-    /// Of 1 / distance.
-    pub closeness: f32,
-    /// Of 1, over the pixels that are not empty.
-    pub covered: f32,
-}
-
-impl Sums {
-    pub(super) fn add(&mut self, correction: &Correction) {
-        self.radiance += correction.radiance;
-        self.closeness += correction.closeness;
-        self.covered += correction.covered;
-    }
-}
-
 /// Everything that turns ids into irradiance.
 #[derive(Clone, Copy)]
 pub struct Convolver<'a> {
@@ -41,17 +23,24 @@ pub struct Convolver<'a> {
     pub(super) weights: &'a Weights,
     pub(super) background: Vec3,
     pub(super) near: Option<NearField<'a>>,
+    /// Whether backs are counted.
+    pub(super) census: bool,
 }
 
 impl<'a> Convolver<'a> {
     /// A convolver; `background` is the radiance of pixels that nothing covers.
     pub fn new(drawables: &'a Drawables, weights: &'a Weights, background: Vec3) -> Self {
-        Self { drawables, weights, background, near: None }
+        Self { drawables, weights, background, near: None, census: false }
     }
 
     /// Lets rays see what is near.
     pub fn with_near_field(self, near: NearField<'a>) -> Self {
         Self { near: Some(near), ..self }
+    }
+
+    /// Counts the pixels that show black backs, too.
+    pub fn with_census(self) -> Self {
+        Self { census: true, ..self }
     }
 
     /// Irradiance at the receiver of tile `i`, and how close what it sees is.
@@ -61,13 +50,14 @@ impl<'a> Convolver<'a> {
             for (&id, &w) in ids.iter().zip(weights).filter(|(id, _)| **id != EMPTY) {
                 sums.radiance += w * self.radiance(id, receiver);
                 sums.covered += w;
+                sums.back += w * self.back(id, receiver);
             }
         });
         let depths = self.inverse_depths(atlas, i, receiver);
         let by_length = (0..FACES).flat_map(|face| self.weights.closeness(face));
         sums.closeness = depths.iter().zip(by_length).map(|(z, w)| z * w).sum();
         if let Some(near) = &self.near {
-            sums.add(&self.correction(near, atlas, i, receiver, &depths));
+            sums += self.correction(near, atlas, i, receiver, &depths);
         }
         self.finish(&sums, receiver)
     }
@@ -80,7 +70,7 @@ impl<'a> Convolver<'a> {
         i: usize,
         receiver: &Receiver,
         depths: &[f32],
-    ) -> Correction {
+    ) -> Sums {
         let n = self.weights.resolution as usize;
         let face_start = |face: usize| if face == 0 { 0 } else { n * n + (face - 1) * n * (n / 2) };
         let drawn = |face: usize, x: usize, y: usize| match atlas.row(face, i, y as u32)[x] {
@@ -88,7 +78,7 @@ impl<'a> Convolver<'a> {
             id => {
                 let drawable = id as usize - 1;
                 let reach = near.reach(drawable, self.drawables.splats[drawable].radius);
-                Drawn { radiance: self.radiance(id, receiver), reach }
+                Drawn { radiance: self.radiance(id, receiver), reach, back: self.back(id, receiver) }
             }
         };
         let of_face = |face: usize| Depths { values: &depths[face_start(face)..], stride: n };
@@ -102,7 +92,13 @@ impl<'a> Convolver<'a> {
         let background = if factor > 1.0 { Vec3::ZERO } else { self.background * uncovered };
         // Corrections of sums leave rounding errors, which may be negative.
         let radiance = (sums.radiance + background).max(Vec3::ZERO);
-        Estimate { irradiance: radiance * (PI * factor), closeness: sums.closeness.max(0.0) * factor }
+        // As far as a background shows, uncovered pixels are no gaps between discs.
+        let empty = sums.missed + if factor > 1.0 { 0.0 } else { uncovered };
+        Estimate {
+            irradiance: radiance * (PI * factor),
+            closeness: sums.closeness.max(0.0) * factor,
+            coverage: Coverage { empty, back: sums.back.max(0.0), repaired: sums.repaired },
+        }
     }
 
     /// By how much the covered pixels stand for the others too, where these can only be gaps between discs: without it, a
@@ -150,6 +146,17 @@ impl<'a> Convolver<'a> {
         let (position, normal) = (Vec3::from(splat.position), Vec3::from(splat.normal));
         // At the edge of visibility rounding may differ from the rasteriser's: never NaN, never negative.
         (normal.dot(direction) / normal.dot(position - from)).clamp(0.0, GREATEST_INVERSE_DEPTH)
+    }
+
+    /// 1 where the id's drawable shows a black back to the receiver and that is counted, else 0.
+    #[inline(always)]
+    fn back(&self, id: u32, receiver: &Receiver) -> f32 {
+        let back = || {
+            let splat = &self.drawables.splats[id as usize - 1];
+            let towards = receiver.position - Vec3::from(splat.position);
+            splat.flags & FLAG_TWO_SIDED == 0 && Vec3::from(splat.normal).dot(towards) < 0.0
+        };
+        f32::from(self.census && back())
     }
 
     #[inline(always)]

@@ -1,9 +1,9 @@
 //! Irradiance straight from a drawn hemicube, while its pixels are still in the cache: what [`super::convolve`] does for
 //! ids that come back from a device.
 
-use super::convolve::{Convolver, GREATEST_INVERSE_DEPTH, Sums};
+use super::convolve::{Convolver, GREATEST_INVERSE_DEPTH};
 use super::frame::{Estimate, FACES, Receiver};
-use super::near_field::{Correction, Drawn, NearField};
+use super::near_field::{Drawn, NearField, Sums};
 use super::raster::Raster;
 use crate::lanes::LANES;
 use crate::surfel::cloud::FLAG_TWO_SIDED;
@@ -25,6 +25,8 @@ pub struct LightByMark {
     reach: Vec<f32>,
     /// The greatest of them.
     furthest: f32,
+    /// 1 for black backs; empty where they are not counted.
+    back: Vec<f32>,
 }
 
 impl<'a> Estimator<'a> {
@@ -46,13 +48,19 @@ impl<'a> Estimator<'a> {
     /// Looks up the light of a list of drawables.
     pub fn light(&self, cut: &[u32], by_mark: &mut LightByMark) {
         let drawables = self.convolver.drawables;
-        let LightByMark { light, reach, furthest } = by_mark;
+        let LightByMark { light, reach, furthest, back } = by_mark;
         light.clear();
         light.resize(2, Vec4::ZERO);
         for i in cut.iter().map(|&drawable| drawable as usize) {
             let two_sided = drawables.splats[i].flags & FLAG_TWO_SIDED != 0;
-            let back = if two_sided { drawables.back_radiance[i] } else { Vec3::ZERO };
-            light.extend([drawables.radiance[i].extend(1.0), back.extend(1.0)]);
+            let behind = if two_sided { drawables.back_radiance[i] } else { Vec3::ZERO };
+            light.extend([drawables.radiance[i].extend(1.0), behind.extend(1.0)]);
+        }
+        back.clear();
+        if self.convolver.census {
+            let one_sided = |&i: &u32| drawables.splats[i as usize].flags & FLAG_TWO_SIDED == 0;
+            back.resize(2, 0.0);
+            back.extend(cut.iter().flat_map(|i| [0.0, f32::from(one_sided(i))]));
         }
         reach.clear();
         if let Some(near) = &self.convolver.near {
@@ -75,11 +83,29 @@ impl<'a> Estimator<'a> {
             }
         }
         let sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
-        let mut sums = Sums { radiance: sum.xyz(), closeness: closeness.iter().sum(), covered: sum.w };
+        let mut sums = Sums {
+            radiance: sum.xyz(),
+            closeness: closeness.iter().sum(),
+            covered: sum.w,
+            back: self.back(raster, by_mark),
+            ..Sums::default()
+        };
         if let Some(near) = &self.convolver.near {
-            sums.add(&self.correction(near, raster, by_mark, receiver));
+            sums += self.correction(near, raster, by_mark, receiver);
         }
         self.convolver.finish(&sums, receiver)
+    }
+
+    /// Weight of the pixels that show black backs; 0 where they are not counted.
+    fn back(&self, raster: &Raster, by_mark: &LightByMark) -> f32 {
+        if by_mark.back.is_empty() {
+            return 0.0;
+        }
+        let pixels = raster
+            .blocks()
+            .zip(&self.blocks)
+            .flat_map(|((marks, _), [weights, _])| marks.iter().zip(weights));
+        pixels.map(|(&mark, &weight)| by_mark.back[mark as usize] * weight).sum()
     }
 
     /// What rays change in the sums.
@@ -89,10 +115,11 @@ impl<'a> Estimator<'a> {
         raster: &Raster,
         by_mark: &LightByMark,
         receiver: &Receiver,
-    ) -> Correction {
+    ) -> Sums {
         let drawn = |face: usize, x: usize, y: usize| {
             let mark = raster.row(face, y as u32)[x] as usize;
-            Drawn { radiance: by_mark.light[mark].xyz(), reach: by_mark.reach[mark] }
+            let back = by_mark.back.get(mark).copied().unwrap_or(0.0);
+            Drawn { radiance: by_mark.light[mark].xyz(), reach: by_mark.reach[mark], back }
         };
         let depths = |face: usize| raster.depths(face);
         near.correct(receiver, self.convolver.weights, by_mark.furthest, depths, drawn)

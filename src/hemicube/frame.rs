@@ -17,6 +17,7 @@
 use crate::math::{Frame, hash32, unit_float};
 use glam::Vec3;
 use std::f32::consts::TAU;
+use std::ops::{AddAssign, Mul};
 
 /// Number of faces: the top and four upper halves of sides.
 pub const FACES: usize = 5;
@@ -51,6 +52,36 @@ pub struct Estimate {
     /// Mean over the hemisphere, weighted by the cosine, of 1 / distance of what is seen: the inverse of the harmonic mean
     /// distance (Ward, Rubinstein and Clear 1988), 1 / scene units. 0 where nothing is seen.
     pub closeness: f32,
+    /// What the hemisphere was covered with.
+    pub coverage: Coverage,
+}
+
+/// Shares of the hemisphere, weighted by the cosine, 0..1.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Coverage {
+    /// Of directions in which nothing is.
+    pub empty: f32,
+    /// Of hemicube pixels that show the black back of a one-sided surfel; counted only where
+    /// [`Convolver::with_census`](super::convolve::Convolver::with_census) asks for it.
+    pub back: f32,
+    /// Of hemicube pixels that a ray was sent through, because drawing could not be trusted with them.
+    pub repaired: f32,
+}
+
+impl AddAssign for Coverage {
+    fn add_assign(&mut self, other: Self) {
+        self.empty += other.empty;
+        self.back += other.back;
+        self.repaired += other.repaired;
+    }
+}
+
+impl Mul<f32> for Coverage {
+    type Output = Self;
+
+    fn mul(self, factor: f32) -> Self {
+        Self { empty: self.empty * factor, back: self.back * factor, repaired: self.repaired * factor }
+    }
 }
 
 impl Receiver {

@@ -11,10 +11,11 @@
 
 use super::frame::{FACES, Receiver, from_face, pixel_direction, rows};
 use super::weights::Weights;
-use crate::accel::{Accel, RAY_OFFSET, offset_origin};
+use crate::accel::{RAY_OFFSET, offset_origin};
 use crate::math::Frame;
-use crate::surfel::lookup::RadianceLookup;
+use crate::surfel::hit_light::{GatherRay, HitLight};
 use glam::Vec3;
+use std::ops::AddAssign;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A surface ends where what the next pixel shows is further away than foretold by more than this factor. Lower, and the
@@ -24,10 +25,8 @@ const EDGE: f32 = 1.3;
 /// What rays see in place of drawn pixels.
 #[derive(Clone, Copy)]
 pub struct NearField<'a> {
-    /// Finds what a ray meets.
-    pub accel: &'a Accel,
-    /// Tells what that sends.
-    pub lookup: &'a RadianceLookup,
+    /// Finds what a ray meets, and tells what that sends.
+    pub light: HitLight<'a>,
     /// Surfels nearer than so many of their radii are near.
     pub radii: f32,
     /// Drawables from this number on are clusters.
@@ -43,6 +42,8 @@ pub struct Drawn {
     pub radiance: Vec3,
     /// [`NearField::reach`]; 0 where nothing is.
     pub reach: f32,
+    /// 1 where it is the back of a one-sided surfel and backs are counted, else 0.
+    pub back: f32,
 }
 
 /// Inverse depths of a face's pixels (1 / distance along its forward axis, 1 / scene units; 0 where nothing is).
@@ -54,15 +55,32 @@ pub struct Depths<'a> {
     pub stride: usize,
 }
 
-/// By how much the rays of a hemicube change its weighted sums.
+/// Weighted sums over a hemicube's pixels, or what rays change in them.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Correction {
-    /// Of the radiance, W sr-1 m-2, without the background at empty pixels.
+pub struct Sums {
+    /// Of radiance, W sr-1 m-2, without the background at empty pixels.
     pub radiance: Vec3,
-    /// Of 1 / distance.
+    /// Of 1 / distance, 1 / scene units.
     pub closeness: f32,
-    /// Of the weight of the pixels that are not empty.
+    /// Of 1, over the pixels that are not empty.
     pub covered: f32,
+    /// Of 1, over the pixels that show the back of a one-sided surfel.
+    pub back: f32,
+    /// Of 1, over the pixels that rays have decided.
+    pub repaired: f32,
+    /// Of 1, over those of them whose rays met nothing; they count as covered, by the background.
+    pub missed: f32,
+}
+
+impl AddAssign for Sums {
+    fn add_assign(&mut self, other: Self) {
+        self.radiance += other.radiance;
+        self.closeness += other.closeness;
+        self.covered += other.covered;
+        self.back += other.back;
+        self.repaired += other.repaired;
+        self.missed += other.missed;
+    }
 }
 
 impl NearField<'_> {
@@ -81,9 +99,9 @@ impl NearField<'_> {
         furthest: f32,
         depths: impl Fn(usize) -> Depths<'d>,
         drawn: impl Fn(usize, usize, usize) -> Drawn,
-    ) -> Correction {
+    ) -> Sums {
         let (frame, n) = (receiver.frame(), weights.resolution as usize);
-        let mut correction = Correction::default();
+        let mut change = Sums::default();
         let mut rays = 0;
         for face in 0..FACES {
             let depths = depths(face);
@@ -98,14 +116,18 @@ impl NearField<'_> {
                     continue;
                 }
                 let seen = self.look(receiver, &frame, (face, x, y), n);
-                correction.radiance += weight * (seen.0 - drawn(face, x, y).radiance);
-                correction.closeness += weight * seen.1 - by_length * depth;
-                correction.covered += if depth > 0.0 { 0.0 } else { weight };
+                let drawn = drawn(face, x, y);
+                change.radiance += weight * (seen.0 - drawn.radiance);
+                change.closeness += weight * seen.1 - by_length * depth;
+                change.covered += if depth > 0.0 { 0.0 } else { weight };
+                change.back -= weight * drawn.back;
+                change.repaired += weight;
+                change.missed += if seen.1 > 0.0 { 0.0 } else { weight };
                 rays += 1;
             }
         }
         self.rays.fetch_add(rays, Ordering::Relaxed);
-        correction
+        change
     }
 
     /// Radiance, and 1 / distance, of what the ray through the centre of a pixel (face, x, y) meets.
@@ -120,9 +142,12 @@ impl NearField<'_> {
         let (u, v) = pixel_direction(face, x as u32, y as u32, 1.0 / n as f32);
         let direction = frame.to_world(from_face(face, Vec3::new(u, v, 1.0))).normalize();
         let origin = offset_origin(receiver.position, receiver.normal, direction);
-        match self.accel.closest_point(origin, direction, f32::INFINITY) {
-            Some(hit) => (self.lookup.radiance(&hit), 1.0 / hit.t.max(RAY_OFFSET)),
-            None => (self.accel.scene().background, 0.0),
+        let accel = self.light.accel;
+        let place = ((face * n + y) * n + x) as u64;
+        let ray = GatherRay { origin, direction, stream: u64::from(receiver.seed) << 32 | place };
+        match accel.closest_point(origin, direction, f32::INFINITY) {
+            Some(hit) => (self.light.radiance(&ray, &hit), 1.0 / hit.t.max(RAY_OFFSET)),
+            None => (accel.scene().background, 0.0),
         }
     }
 }

@@ -105,17 +105,34 @@ pub struct LinearImage {
 /// than its length can hold.
 pub fn read(path: &Path) -> Result<LinearImage> {
     let format = ImageFormat::from_path(path)?;
+    let (reader, length) = open(path)?;
+    let decoded = match format {
+        ImageFormat::Exr => openexr::decode(reader, length, ["R", "G", "B"]),
+        _ => raster::decode(reader, length, format),
+    };
+    decoded.map_err(|message| Error::file(path, message))
+}
+
+/// Reads a layer of three components from an EXR file.
+///
+/// # Errors
+/// An input error for a file that is missing or damaged, or does not have the layer.
+pub fn read_layer(path: &Path, layer: Aov) -> Result<LinearImage> {
+    let names: Vec<String> = layer.channels().iter().map(|suffix| format!("{layer}.{suffix}")).collect();
+    let [r, g, b] = names.as_slice() else {
+        return Err(Error::file(path, format!("the layer {layer} has not three components")));
+    };
+    let (reader, length) = open(path)?;
+    openexr::decode(reader, length, [r, g, b]).map_err(|message| Error::file(path, message))
+}
+
+fn open(path: &Path) -> Result<(BufReader<File>, u64)> {
     let unreadable = |e: std::io::Error| Error::file(path, format!("cannot be read: {e}"));
     let metadata = path.metadata().map_err(unreadable)?;
     if !metadata.is_file() {
         return Err(Error::file(path, "is not a file"));
     }
-    let reader = BufReader::new(File::open(path).map_err(unreadable)?);
-    let decoded = match format {
-        ImageFormat::Exr => openexr::decode(reader, metadata.len()),
-        _ => raster::decode(reader, metadata.len(), format),
-    };
-    decoded.map_err(|message| Error::file(path, message))
+    Ok((BufReader::new(File::open(path).map_err(unreadable)?), metadata.len()))
 }
 
 /// Pixels in the largest picture that is read, 1.6 GB once decoded.

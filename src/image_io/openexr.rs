@@ -6,7 +6,7 @@ use exr::meta::MetaData;
 use exr::meta::header::Header;
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, ReadChannels, ReadLayers,
-    Text, Vec2, WritableImage, read,
+    ReadSpecificChannel, Text, Vec2, WritableImage, read,
 };
 use glam::Vec3;
 use std::io::{self, Cursor, Read, Seek};
@@ -58,8 +58,12 @@ fn check_header(header: &Header, file_length: u64) -> Result<(), String> {
     Ok(())
 }
 
-/// The first layer that has channels R, G and B.
-pub fn decode(mut reader: impl Read + Seek, file_length: u64) -> Result<LinearImage, String> {
+/// The first part that has three channels of these names.
+pub fn decode(
+    mut reader: impl Read + Seek,
+    file_length: u64,
+    [r, g, b]: [&str; 3],
+) -> Result<LinearImage, String> {
     let damaged = |e: exr::error::Error| format!("is no readable OpenEXR image: {e}");
     let meta = MetaData::read_from_buffered(&mut reader, false).map_err(damaged)?;
     meta.headers.iter().try_for_each(|header| check_header(header, file_length))?;
@@ -67,9 +71,13 @@ pub fn decode(mut reader: impl Read + Seek, file_length: u64) -> Result<LinearIm
     let image = read()
         .no_deep_data()
         .largest_resolution_level()
-        .rgb_channels(
-            |size, _| (size.0, vec![Vec3::ZERO; size.area()]),
-            |(width, pixels), at, (r, g, b): (f32, f32, f32)| {
+        .specific_channels()
+        .required(r)
+        .required(g)
+        .required(b)
+        .collect_pixels(
+            |size: Vec2<usize>, _| (size.0, vec![Vec3::ZERO; size.area()]),
+            |(width, pixels): &mut (usize, Vec<Vec3>), at: Vec2<usize>, (r, g, b): (f32, f32, f32)| {
                 pixels[at.1 * *width + at.0] = Vec3::new(r, g, b)
             },
         )

@@ -1,5 +1,6 @@
 //! Indirect light of the points that the camera sees: gathered at every one, or at few and interpolated.
 
+use super::diagnostics::Diagnostics;
 use super::interpolate::interpolate;
 use super::points::{ShadingPoint, View};
 use super::visible::Visible;
@@ -20,6 +21,23 @@ use std::cell::RefCell;
 
 /// Receivers ordered at a time: enough to find neighbours, few enough to bound memory and to keep the device busy early.
 const CHUNK: usize = 1 << 16;
+
+/// Indirect light of visible points, in their order.
+#[derive(Debug, Clone, Default)]
+pub struct IndirectLight {
+    /// W m-2; zero where it cannot be seen.
+    pub irradiance: Vec<Vec3>,
+    /// Empty unless [`Settings::diagnostics`] asks for them.
+    pub diagnostics: Vec<Diagnostics>,
+}
+
+impl IndirectLight {
+    /// No indirect light at so many points.
+    pub fn none(points: usize, settings: &Settings) -> Self {
+        let diagnosed = if settings.diagnostics { points } else { 0 };
+        Self { irradiance: vec![Vec3::ZERO; points], diagnostics: vec![Diagnostics::default(); diagnosed] }
+    }
+}
 
 /// Everything that gathers for a picture.
 pub struct Gathering<'a> {
@@ -48,27 +66,37 @@ impl<'a> Gathering<'a> {
         self.world.device.device == Chosen::Cpu
     }
 
-    /// Irradiance of indirect light at every visible point, W m-2; zero where it cannot be seen.
+    /// Indirect light at every visible point.
     ///
     /// # Errors
     /// When the device fails or the user interrupts.
-    pub fn light(&mut self, view: &View, visible: &Visible) -> Result<Vec<Vec3>> {
+    pub fn light(&mut self, view: &View, visible: &Visible) -> Result<IndirectLight> {
         match self.settings.interpolate {
             Some(tolerance) => interpolate(self, view, visible, tolerance),
             None => self.everywhere(visible),
         }
     }
 
-    fn everywhere(&mut self, visible: &Visible) -> Result<Vec<Vec3>> {
+    fn everywhere(&mut self, visible: &Visible) -> Result<IndirectLight> {
         let lit: Vec<u32> = (0..visible.points.len() as u32)
             .filter(|&i| self.reflects(&visible.points[i as usize]))
             .collect();
         let points: Vec<ShadingPoint> = lit.iter().map(|&i| visible.points[i as usize]).collect();
         let progress = self.run.reporter.progress("gathering", points.len() as u64);
         let estimates = self.gather(&points, Some(&progress))?;
-        let mut irradiance = vec![Vec3::ZERO; visible.points.len()];
-        lit.iter().zip(estimates).for_each(|(&i, e)| irradiance[i as usize] = e.irradiance);
-        Ok(irradiance)
+        let mut light = IndirectLight::none(visible.points.len(), self.settings);
+        for (&i, estimate) in lit.iter().zip(&estimates) {
+            light.irradiance[i as usize] = estimate.irradiance;
+            if self.diagnoses() {
+                light.diagnostics[i as usize] = Diagnostics::of_gather(estimate, 0.0);
+            }
+        }
+        Ok(light)
+    }
+
+    /// Whether points keep diagnostics.
+    pub fn diagnoses(&self) -> bool {
+        self.settings.diagnostics
     }
 
     /// Whether light that reaches the point can be seen.

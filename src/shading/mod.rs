@@ -1,5 +1,6 @@
 //! Shading points: where camera rays meet surfaces.
 
+pub mod diagnostics;
 pub mod direct;
 pub mod indirect;
 pub mod interpolate;

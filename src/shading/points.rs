@@ -116,6 +116,12 @@ impl View {
         self.footprint(point.position) / cosine.max(GRAZING).sqrt()
     }
 
+    /// Length of a pixel on the surface at a point, scene units: along the direction in which that is seen at a slant.
+    pub fn length(&self, point: &ShadingPoint) -> f32 {
+        let cosine = self.to_camera(point.position).dot(point.normal).abs();
+        self.footprint(point.position) / cosine.max(GRAZING)
+    }
+
     /// No point within `radius` of a point appears further from it than this, pixels; `None` where the camera is among them.
     pub fn projected_radius(&self, point: Vec3, radius: f32) -> Option<f32> {
         let v = point - self.origin;

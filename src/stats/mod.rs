@@ -72,6 +72,19 @@ pub struct DeviceInfo {
     pub driver: String,
 }
 
+/// What a part of a run that was asked for by itself has to tell.
+#[derive(Debug, Clone, Default)]
+pub struct Section {
+    /// Its key in the JSON.
+    pub key: &'static str,
+    /// How its line in the summary begins.
+    pub label: &'static str,
+    /// The rest of that line.
+    pub text: String,
+    /// Its value in the JSON.
+    pub json: Value,
+}
+
 /// The statistics of a finished run.
 #[derive(Debug, Clone, Default)]
 pub struct Stats {
@@ -105,6 +118,8 @@ pub struct Stats {
     pub overlap: Option<f64>,
     /// Largest resident memory of the process; `None` where the system does not tell.
     pub peak_memory_bytes: Option<u64>,
+    /// What was asked for besides the picture; their keys follow the others.
+    pub sections: Vec<Section>,
 }
 
 impl Stats {
@@ -139,7 +154,7 @@ impl Stats {
         seconds.insert("total".into(), json!(self.total));
         let [width, height, samples] = self.image;
         let DeviceInfo { name, kind, driver } = &self.device;
-        json!({
+        let mut json = json!({
             "device": { "name": name, "kind": kind, "driver": driver },
             "image": { "width": width, "height": height, "samples": samples },
             "surfels": self.surfels,
@@ -155,7 +170,9 @@ impl Stats {
             "gathers_per_second": self.gathers_per_second(),
             "overlap": self.overlap,
             "peak_memory_bytes": self.peak_memory_bytes,
-        })
+        });
+        self.sections.iter().for_each(|section| json[section.key] = section.json.clone());
+        json
     }
 
     /// Writes the JSON to a file, or to standard output for `-`.
@@ -187,6 +204,7 @@ impl Stats {
         if let Some(bytes) = self.peak_memory_bytes {
             line("memory", format!("{:.0} MiB", bytes as f64 / f64::from(1 << 20)));
         }
+        self.sections.iter().for_each(|section| line(section.label, section.text.clone()));
         text.trim_end().to_owned()
     }
 }
@@ -243,6 +261,16 @@ mod tests {
         sample().write_json(&path).unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         assert_eq!(serde_json::from_str::<Value>(&text).unwrap()["readback_bytes"], 768);
+    }
+
+    #[test]
+    fn sections_follow_under_their_keys() {
+        let json = json!({ "rmse": 0.5 });
+        let mut stats = sample();
+        stats.sections = vec![Section { key: "verify", label: "error", text: "small".into(), json }];
+        assert_eq!(stats.to_json()["verify"]["rmse"], 0.5);
+        assert_eq!(stats.to_json().as_object().unwrap().keys().last().unwrap(), "verify");
+        assert!(stats.summary().ends_with("\nerror      small"), "{}", stats.summary());
     }
 
     #[test]

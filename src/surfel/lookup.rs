@@ -6,26 +6,47 @@ use super::cloud::SurfelCloud;
 use super::reconstruct::{Reconstruction, Spot};
 use crate::accel::{Accel, SurfacePoint};
 use crate::scene::Scene;
-use glam::{Vec3, Vec3A};
+use glam::{Vec3, Vec4, Vec4Swizzles};
 use rayon::prelude::*;
 
 /// Samples that a surfel or a chart may account for, at the most; in scenes as they are, it is about two.
 const MOST_SAMPLES: u64 = 32;
+
+/// From closer than so many spacings of the surfels, the blur of their light is seen.
+const COARSE: f32 = 3.0;
+
+/// What a lookup finds.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Found {
+    /// Radiance, W sr-1 m-2.
+    pub radiance: Vec3,
+    /// Surfels are too coarse to tell it from closer than this, scene units.
+    pub coarse_within: f32,
+}
+
+impl From<Vec4> for Found {
+    #[inline]
+    fn from(sample: Vec4) -> Self {
+        Self { radiance: sample.xyz(), coarse_within: sample.w }
+    }
+}
 
 /// A shaded cloud, resampled so that a ray's hit finds its radiance in some 20 ns: bilinear interpolation within the chart
 /// of the primitive that was hit.
 #[derive(Debug, Clone)]
 pub struct RadianceLookup {
     charts: Charts,
-    /// Radiance by sample, W sr-1 m-2.
-    samples: Vec<Vec3A>,
+    /// By sample: radiance, W sr-1 m-2, and [`Found::coarse_within`].
+    samples: Vec<Vec4>,
 }
 
 impl RadianceLookup {
     /// Resamples a shaded cloud of the scene.
     pub fn new(accel: &Accel, closed: &ClosedTest, cloud: &SurfelCloud) -> Self {
-        let (charts, samples) =
-            resample(accel, closed, cloud, |surfels, spot, guess| surfels.radiance(spot, guess).into());
+        let (charts, samples) = resample(accel, closed, cloud, |surfels, spot, guess| {
+            let light = surfels.radiance(spot, guess);
+            light.radiance.extend(if light.even { 0.0 } else { COARSE * spot.spacing })
+        });
         Self { charts, samples }
     }
 
@@ -33,7 +54,13 @@ impl RadianceLookup {
     /// one-sided surface is black.
     #[inline]
     pub fn radiance(&self, hit: &SurfacePoint) -> Vec3 {
-        let Some(place) = self.charts.place(hit) else { return Vec3::ZERO };
+        self.look(hit).radiance
+    }
+
+    /// The same, and how far it can be trusted.
+    #[inline]
+    pub fn look(&self, hit: &SurfacePoint) -> Found {
+        let Some(place) = self.charts.place(hit) else { return Found::default() };
         let sample = |offset: u32| self.samples[(place.sample + offset) as usize];
         if place.right == 0 {
             return sample(0).into();

@@ -9,6 +9,7 @@ mod element;
 pub mod file;
 pub mod generate;
 pub mod hidden;
+pub mod hit_light;
 mod kdtree;
 pub mod lookup;
 mod patch;

@@ -28,6 +28,18 @@ const SHEETS: f32 = 0.2;
 /// Added to the spread of the surfels around, as a share of the reach squared: surfels in one line have no slope across.
 const RIDGE: f32 = 1e-3;
 
+/// Light that differs from the fitted plane by more than this share of itself (root mean square) is uneven.
+const UNEVEN: f32 = 0.03;
+
+/// Light at a spot.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct SpotLight {
+    /// Radiance, W sr-1 m-2.
+    pub radiance: Vec3,
+    /// Whether a plane describes it: not at the edges of shadows.
+    pub even: bool,
+}
+
 /// A shaded cloud that can be asked for the light between its surfels.
 pub struct Reconstruction<'a> {
     cloud: &'a SurfelCloud,
@@ -59,19 +71,20 @@ impl<'a> Reconstruction<'a> {
         Self { cloud, tree, hidden: hidden_sides(cloud, accel, closed) }
     }
 
-    /// Radiance that a side of the surface sends, W sr-1 m-2; black only if the cloud is empty, or black itself. `guess`
-    /// holds the place of a surfel that may be near, and is given that of the nearest.
-    pub fn radiance(&self, spot: &Spot, guess: &mut usize) -> Vec3 {
+    /// Light that a side of the surface sends; black only if the cloud is empty, or black itself. `guess` holds the place of a
+    /// surfel that may be near, and is given that of the nearest.
+    pub fn radiance(&self, spot: &Spot, guess: &mut usize) -> SpotLight {
         let sheets = SHEETS * spot.spacing;
         let fit = self.fit(spot, REACH * spot.spacing, sheets, FEWEST);
         if let Some(fit) = fit.or_else(|| self.fit(spot, WIDE_REACH * spot.spacing, sheets, FEWEST)) {
             return fit;
         }
-        let Some(nearest) = self.nearest(spot, guess) else { return Vec3::ZERO };
+        let Some(nearest) = self.nearest(spot, guess) else { return SpotLight::default() };
         let spacing = self.cloud.area[nearest].sqrt();
         let reach = WIDE_REACH * spacing.max(self.cloud.position[nearest].distance(spot.position));
         let fit = self.fit(spot, reach, SHEETS * spacing, 1);
-        fit.unwrap_or_else(|| self.light(self.side(nearest, spot.normal)))
+        let radiance = fit.map_or_else(|| self.light(self.side(nearest, spot.normal)), |fit| fit.radiance);
+        SpotLight { radiance, even: false }
     }
 
     /// The surfel that stands for a spot: the nearest on the same surface; where the cloud has none, the nearest of the same
@@ -109,7 +122,7 @@ impl<'a> Reconstruction<'a> {
     }
 
     /// The fit to the surfels within `reach`, if they are not fewer than `fewest`.
-    fn fit(&self, spot: &Spot, reach: f32, sheets: f32, fewest: u32) -> Option<Vec3> {
+    fn fit(&self, spot: &Spot, reach: f32, sheets: f32, fewest: u32) -> Option<SpotLight> {
         let frame = Frame::from_normal(spot.normal);
         let mut sums = Sums::default();
         self.tree.within(spot.position, reach, |slot, squared| {
@@ -143,6 +156,7 @@ struct Sums {
     /// xx, xy, yy.
     squares: Vec3,
     radiance: Vec3,
+    radiance_squared: Vec3,
     x_radiance: Vec3,
     y_radiance: Vec3,
     low: Option<(Vec3, Vec3)>,
@@ -155,6 +169,7 @@ impl Sums {
         self.at += weight * at;
         self.squares += weight * Vec3::new(at.x * at.x, at.x * at.y, at.y * at.y);
         self.radiance += weight * radiance;
+        self.radiance_squared += weight * radiance * radiance;
         self.x_radiance += weight * at.x * radiance;
         self.y_radiance += weight * at.y * radiance;
         let (low, high) = self.low.unwrap_or((radiance, radiance));
@@ -162,7 +177,7 @@ impl Sums {
     }
 
     /// The fitted plane's value at the origin, no further beyond the surfels' own values than their range.
-    fn solve(&self, ridge: f32) -> Option<Vec3> {
+    fn solve(&self, ridge: f32) -> Option<SpotLight> {
         let (low, high) = self.low?;
         if self.weight <= 0.0 {
             return None;
@@ -178,6 +193,10 @@ impl Sums {
         let slope_y = (along_y * xx - along_x * xy) / determinant;
         let value = mean - slope_x * centre.x - slope_y * centre.y;
         let beyond = high - low;
-        Some(value.clamp((low - beyond).max(Vec3::ZERO), high + beyond))
+        let radiance = value.clamp((low - beyond).max(Vec3::ZERO), high + beyond);
+        let explained = slope_x * along_x + slope_y * along_y;
+        let left = (self.radiance_squared / self.weight - mean * mean - explained).element_sum();
+        let even = left <= UNEVEN * UNEVEN * (mean * mean).element_sum();
+        Some(SpotLight { radiance, even })
     }
 }

@@ -109,6 +109,7 @@ fn impossible_wishes_are_refused_before_the_work() {
         (vec!["--look-from", "0,5,0", "--look-at", "0,5,0"], "look"),
         (vec!["--look-from", "0,9,0", "--look-at", "0,5,0"], "up"),
         (vec!["-q", "-v"], "--verbose"),
+        (vec!["--aov", "error", "--interpolate", "off"], "--interpolate"),
     ] {
         let outcome = surflux(&[&["render", &cornell, "-o", &exr], &words[..]].concat()).expect(2);
         assert!(outcome.stderr.contains(cause), "{words:?}: {}", outcome.stderr);

@@ -36,7 +36,7 @@ fn every_command_lists_all_of_its_options() {
         assert_lists(command, &expected);
     }
     assert_lists("compare", "--diff --mask --max-mae --max-relmse --json --help --version");
-    assert_lists("devices", "--help --version");
+    assert_lists("devices", "--verbose --help --version");
 }
 
 fn assert_lists(command: &str, options: &str) {

@@ -21,6 +21,18 @@ fn devices_are_listed_in_order() {
 }
 
 #[test]
+fn devices_tell_their_memory_when_asked() {
+    let plain = surflux(&["devices"]).expect(0).stdout;
+    let verbose = surflux(&["devices", "-v"]).expect(0).stdout;
+    assert!(plain.lines().all(|line| verbose.lines().any(|l| l == line)), "{verbose}");
+    let devices = plain.lines().filter(|line| line.contains(", Vulkan ")).count();
+    for label in ["memory", "heap 0", "type 0", "image size", "features"] {
+        let lines = verbose.lines().filter(|line| line.trim_start().starts_with(label)).count();
+        assert_eq!(lines, devices, "{label}: {verbose}");
+    }
+}
+
+#[test]
 fn without_a_driver_devices_says_so_and_auto_renders_all_the_same() {
     let listed = without_drivers(&["devices"]).expect(0).stdout;
     assert!(listed.contains("Vulkan") && listed.contains("mesa-vulkan-drivers"), "{listed}");

@@ -66,6 +66,43 @@ fn layers_stand_in_the_exr_file() {
     }
 }
 
+/// All values of a channel of an EXR file.
+fn channel(path: &str, name: &str) -> Vec<f32> {
+    use exr::prelude::*;
+    let file = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
+    let picture = file.all_attributes().from_file(path).unwrap();
+    let channel = picture.layer_data.channel_data.list.iter().find(|c| c.name.eq(name)).unwrap();
+    channel.sample_data.values_as_f32().collect()
+}
+
+#[test]
+fn diagnostic_layers_say_what_the_light_rests_on() {
+    let folder = Folder::new();
+    let plain = render(&folder, "plain.exr", &[]);
+    let path = render(&folder, "a.exr", &["--aov", "error,coverage,gathers,distance,indirect"]);
+    for name in ["R", "G", "B"] {
+        assert_eq!(channel(&path, name), channel(&plain, name), "layers leave the picture alone");
+    }
+    let mean = |name: &str| {
+        let values = channel(&path, name);
+        assert!(values.iter().all(|&v| v >= 0.0 && v.is_finite()), "{name}");
+        values.iter().sum::<f32>() / values.len() as f32
+    };
+    let (error, indirect) = (mean("error.G"), mean("indirect.G"));
+    assert!(error > 1e-4 * indirect && error < 0.1 * indirect, "{error} of {indirect}");
+    assert!(mean("gathers.Y") > 2.0, "{} gathers a pixel", mean("gathers.Y"));
+    let (empty, back, repaired) = (mean("coverage.R"), mean("coverage.G"), mean("coverage.B"));
+    // The box is open in front, and what is seen near its edges needs rays.
+    assert!(
+        (0.02..0.5).contains(&empty) && back < 0.05 && (0.02..0.9).contains(&repaired),
+        "{empty} {back} {repaired}"
+    );
+    // Ten units wide.
+    assert!((1.0..10.0).contains(&mean("distance.Z")), "{}", mean("distance.Z"));
+    let alone = render(&folder, "b.exr", &["--aov", "gathers,coverage", "--interpolate", "off"]);
+    assert!(channel(&alone, "gathers.Y").iter().all(|&n| (0.0..=1.001).contains(&n)));
+}
+
 #[test]
 fn several_files_are_one_scene_and_need_no_camera() {
     let folder = Folder::new();

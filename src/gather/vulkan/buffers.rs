@@ -83,6 +83,17 @@ impl Buffer {
         self.handle.raw
     }
 
+    /// The barrier after which the host sees what the device wrote with `access`.
+    pub fn visible_to_host(&self, access: vk::AccessFlags) -> vk::BufferMemoryBarrier<'static> {
+        vk::BufferMemoryBarrier::default()
+            .src_access_mask(access)
+            .dst_access_mask(vk::AccessFlags::HOST_READ)
+            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .buffer(self.raw())
+            .size(vk::WHOLE_SIZE)
+    }
+
     /// The bytes as the host sees them; none where it sees none. The device must not be writing.
     pub fn bytes(&self) -> &[u8] {
         self.memory.allocation.as_ref().and_then(Allocation::mapped_slice).unwrap_or_default()

@@ -29,6 +29,8 @@ pub(super) struct Context {
     pub info: DeviceInfo,
     /// Whose compiled pipelines it understands.
     pub maker: Maker,
+    /// The size of its subgroups, if it is always the same and they can shuffle in compute shaders.
+    pub lanes: Option<u32>,
     /// Its limits.
     pub limits: vk::PhysicalDeviceLimits,
     /// Bytes of its largest own heap.
@@ -98,6 +100,7 @@ impl Context {
             family,
             info,
             maker: Maker::new(&properties),
+            lanes: devices::shuffling_lanes(&instance, physical),
             limits: properties.limits,
             memory_bytes: own.max().unwrap_or_default(),
             timestamp_seconds: timestamps.then(|| f64::from(properties.limits.timestamp_period) * 1e-9),

@@ -3,7 +3,8 @@
 use super::instance::Instance;
 use crate::error::{Error, Result};
 use crate::hemicube::frame::FACES;
-use ash::vk;
+use ash::{ext, vk};
+use std::ffi::CStr;
 use std::fmt;
 
 /// What kind of hardware a device is.
@@ -71,11 +72,36 @@ pub(super) fn physical_devices(instance: &Instance) -> Result<Vec<vk::PhysicalDe
         .map_err(|result| Error::Failed(format!("cannot list Vulkan devices: {result}")))
 }
 
-/// The queue family that draws and copies.
+/// The size of the device's subgroups, if it is always the same and they can shuffle in compute shaders.
+pub(super) fn shuffling_lanes(instance: &Instance, device: vk::PhysicalDevice) -> Option<u32> {
+    let mut sizes = vk::PhysicalDeviceSubgroupSizeControlProperties::default();
+    let mut subgroups = vk::PhysicalDeviceSubgroupProperties::default();
+    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut subgroups);
+    if offers(instance, device, ext::subgroup_size_control::NAME) {
+        properties = properties.push_next(&mut sizes);
+    }
+    // SAFETY: the device belongs to the instance, is of Vulkan 1.1 and knows the structures.
+    unsafe { instance.raw.get_physical_device_properties2(device, &mut properties) };
+    // Both are zero where sizes cannot differ.
+    let fixed = sizes.min_subgroup_size == sizes.max_subgroup_size;
+    let shuffles = subgroups.supported_operations.contains(vk::SubgroupFeatureFlags::SHUFFLE)
+        && subgroups.supported_stages.contains(vk::ShaderStageFlags::COMPUTE);
+    (fixed && shuffles).then_some(subgroups.subgroup_size)
+}
+
+fn offers(instance: &Instance, device: vk::PhysicalDevice, extension: &CStr) -> bool {
+    // SAFETY: the device belongs to the instance.
+    let offered = unsafe { instance.raw.enumerate_device_extension_properties(device) }.unwrap_or_default();
+    offered.iter().any(|e| e.extension_name_as_c_str() == Ok(extension))
+}
+
+/// The queue family that draws, computes and copies.
 pub(super) fn graphics_family(instance: &Instance, device: vk::PhysicalDevice) -> Option<u32> {
     // SAFETY: the device belongs to the instance.
     let families = unsafe { instance.raw.get_physical_device_queue_family_properties(device) };
-    families.iter().position(|f| f.queue_flags.contains(vk::QueueFlags::GRAPHICS)).map(|i| i as u32)
+    // Where there is a graphics queue, there is one that computes too.
+    let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
+    families.iter().position(|f| f.queue_flags.contains(wanted)).map(|i| i as u32)
 }
 
 /// Everything there is to know about a device.

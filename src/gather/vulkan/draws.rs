@@ -50,6 +50,12 @@ impl Draws {
         }
         draws
     }
+
+    /// One draw of a list of `indices` surfels for all hemicubes.
+    pub fn of_list(hemicubes: usize, indices: usize) -> Self {
+        let all = Draw { first: 0, hemicubes: hemicubes as u32, first_index: 0, indices: indices as u32 };
+        Self { list: vec![all], indices: 0..indices }
+    }
 }
 
 /// Surfels drawn by a batch, summed over its hemicubes.

@@ -1,14 +1,15 @@
 //! Batches in, ids out, several batches under way at once.
 
 use super::buffers::Buffer;
+use super::compute::write_tasks;
 use super::context::{Context, out_of_memory};
 use super::devices::{DeviceInfo, DeviceKind};
 use super::draws::{Draws, splats_drawn};
 use super::pace::Pace;
-use super::pass::{Pass, passes};
-use super::record::{Drawing, record};
+use super::record::{Drawing, rasterise, record};
+use super::route::{Attachment, Method};
 use super::settings::{BatchSize, GatherStats, VulkanSettings};
-use super::slot::{Slot, slots};
+use super::slot::{Gear, Slot, slots};
 use super::validation::ValidationLog;
 use super::vertices::{SplatBuffers, tile_parts, write_instances};
 use crate::error::{Error, Result};
@@ -33,13 +34,17 @@ pub struct VulkanGatherer {
     pace: Pace,
     largest: AtlasLayout,
     parts: Vec<[u32; 4]>,
+    /// The cut of batches without cuts, where the method needs one: all surfels.
+    all: Vec<u32>,
     stats: GatherStats,
     jobs: VecDeque<Job>,
     jobs_done: usize,
     flights: VecDeque<Flight>,
     free: Vec<usize>,
     slots: Vec<Slot>,
-    passes: Vec<Pass>,
+    /// Faces of each submit that some rows of tiles take.
+    submits: Vec<Range<usize>>,
+    method: Method,
     splats: SplatBuffers,
     log: ValidationLog,
     context: Arc<Context>,
@@ -74,12 +79,16 @@ impl VulkanGatherer {
         let log = ValidationLog::default();
         let context = Context::new(index, settings.validation.then_some(&log))?;
         let parts = tile_parts(settings.resolution, context.limits.point_size_range[1] as u32);
-        let passes = passes(&context, shape, &settings)
-            .map_err(|result| context.error("building the hemicube pipeline", result))?;
-        let buffers = SplatBuffers::new(&context, splats, shape)
+        let method = Method::new(&context, shape, splats.len(), &settings)?;
+        let buffers = SplatBuffers::new(&context, splats, shape, method.usages().surfels)
             .map_err(|result| context.error("copying the surfels", result))?;
-        let (slots, largest) = slots(&context, &passes, &settings, parts.len())
-            .map_err(|result| context.error("taking memory for hemicubes", result))?;
+        let gear = Gear { context: &context, method: &method, surfels: &buffers, parts: parts.len() };
+        let (slots, largest) =
+            slots(&gear, &settings).map_err(|result| context.error("taking memory for hemicubes", result))?;
+        let all = match method {
+            Method::Raster(_) => Vec::new(),
+            Method::Compute(_) => (0..buffers.count).collect(),
+        };
         let target = match (settings.batch, context.info.kind) {
             // Nobody kills a software driver, and its batches are small.
             (BatchSize::Fixed(_), _) | (BatchSize::Auto, DeviceKind::Cpu) => FIXED_SECONDS,
@@ -90,13 +99,15 @@ impl VulkanGatherer {
             pace: Pace::new(largest.capacity(), target),
             largest,
             parts,
+            all,
             stats: GatherStats::default(),
             jobs: VecDeque::new(),
             jobs_done: 0,
             flights: VecDeque::new(),
             free: (0..slots.len()).collect(),
             slots,
-            passes,
+            submits: method.submits(),
+            method,
             splats: buffers,
             log,
             context,
@@ -145,7 +156,7 @@ impl VulkanGatherer {
     }
 
     fn start_rows(&mut self, first_row: u32, layout: AtlasLayout) -> VkResult<()> {
-        (0..self.passes.len()).try_for_each(|pass| self.launch(pass, first_row, layout))
+        (0..self.submits.len()).try_for_each(|pass| self.launch(pass, first_row, layout))
     }
 
     /// Submits one pass over some rows of the youngest job.
@@ -164,7 +175,7 @@ impl VulkanGatherer {
             job: self.jobs_done + self.jobs.len() - 1,
             first_row,
             layout,
-            faces: self.passes[pass].faces.clone(),
+            faces: self.submits[pass].clone(),
             submitted: Instant::now(),
         });
         self.jobs.back_mut().into_iter().for_each(|job| job.pending += 1);
@@ -180,23 +191,8 @@ impl VulkanGatherer {
         layout: AtlasLayout,
     ) -> VkResult<()> {
         let started = Instant::now();
-        let slot = &mut self.slots[slot];
-        let Some(Job { batch, .. }) = self.jobs.back() else { return Ok(()) };
-        let first = (first_row * layout.columns) as usize;
-        let range = first..batch.receivers.len().min(first + layout.capacity());
-        let draws = Draws::new(batch, range.clone());
-        slot.write_indices(&self.context, &batch.cuts[draws.indices.clone()])?;
-        let instances = write_instances(&mut slot.instances, &batch.receivers[range], layout, &self.parts);
-        let drawing = Drawing {
-            pass: &self.passes[pass],
-            framebuffer: pass,
-            splats: &self.splats,
-            instances,
-            parts: self.parts.len() as u32,
-            draws: &draws,
-            layout,
-        };
-        record(&self.context, slot, &drawing)?;
+        self.record(slot, pass, first_row, layout)?;
+        let slot = &self.slots[slot];
         let recorded = Instant::now();
         let commands = [slot.commands];
         let submit = [vk::SubmitInfo::default().command_buffers(&commands)];
@@ -205,6 +201,48 @@ impl VulkanGatherer {
         self.stats.record_seconds += (recorded - started).as_secs_f64();
         self.stats.submit_seconds += recorded.elapsed().as_secs_f64();
         Ok(())
+    }
+
+    /// Writes a slot's buffers and commands.
+    fn record(&mut self, slot: usize, pass: usize, first_row: u32, layout: AtlasLayout) -> VkResult<()> {
+        let Some(Job { batch, .. }) = self.jobs.back() else { return Ok(()) };
+        let (context, parts) = (&self.context, self.parts.len());
+        let gear = Gear { context, method: &self.method, surfels: &self.splats, parts };
+        let slot = &mut self.slots[slot];
+        let first = (first_row * layout.columns) as usize;
+        let range = first..batch.receivers.len().min(first + layout.capacity());
+        let receivers = &batch.receivers[range.clone()];
+        let (draws, cuts) = if batch.groups.is_empty() && matches!(self.method, Method::Compute(_)) {
+            (Draws::of_list(receivers.len(), self.all.len()), &self.all)
+        } else {
+            (Draws::new(batch, range), &batch.cuts)
+        };
+        slot.write_cuts(&gear, &cuts[draws.indices.clone()])?;
+        match &self.method {
+            Method::Raster(_) => write_instances(&mut slot.hemicubes, receivers, layout, &self.parts),
+            Method::Compute(_) => write_tasks(&mut slot.hemicubes, receivers, &draws),
+        }
+        let slot = &*slot;
+        record(context, slot, || match (&self.method, &slot.attachment) {
+            (Method::Raster(passes), Attachment::Targets(targets)) => {
+                let drawing = Drawing {
+                    pass: &passes[pass],
+                    targets,
+                    framebuffer: pass,
+                    splats: &self.splats,
+                    instances: (receivers.len() * parts) as u32,
+                    parts: parts as u32,
+                    draws: &draws,
+                    layout,
+                };
+                rasterise(context, slot, &drawing);
+            }
+            (Method::Compute(compute), Attachment::Bindings(bindings)) => {
+                compute.record(context, slot.commands, bindings, (receivers.len(), layout), &slot.readback);
+            }
+            // A slot's attachment is its method's.
+            _ => {}
+        })
     }
 
     /// Waits for the oldest submit and puts its ids where they belong.

@@ -7,7 +7,7 @@
 //! | file | what it holds |
 //! |---|---|
 //! | `instance.rs`, `validation.rs` | the loader, the instance, the validation layer's messages |
-//! | `devices.rs` | what devices there are, and what each is good for |
+//! | `devices.rs`, `capabilities.rs` | what devices there are, what each is good for, and what it has |
 //! | `context.rs`, `owned.rs` | the logical device; handles that destroy themselves |
 //! | `buffers.rs`, `images.rs` | memory |
 //! | `vertices.rs` | the vertex formats that the shaders read |
@@ -21,6 +21,8 @@
 //! dependency orders drawing before the copy, and one barrier makes the copy visible to the host.
 
 mod buffers;
+mod capabilities;
+mod compute;
 mod context;
 mod devices;
 mod draws;
@@ -34,12 +36,15 @@ mod pace;
 mod pass;
 mod pipeline_cache;
 mod record;
+mod route;
 mod settings;
 mod slot;
+mod targets;
 mod validation;
 mod vertices;
 
+pub use capabilities::{Capabilities, Heap, Limit, MemoryType, bytes};
 pub use devices::{DeviceInfo, DeviceKind, list_devices};
 pub use gatherer::VulkanGatherer;
-pub use settings::{BatchSize, FacesPerPass, GatherStats, VulkanSettings};
+pub use settings::{BatchSize, FacesPerPass, GatherStats, Route, VulkanSettings};
 pub use validation::ValidationLog;

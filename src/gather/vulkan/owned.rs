@@ -26,7 +26,10 @@ macro_rules! destroyed_by {
 
 destroyed_by! {
     Buffer: destroy_buffer;
+    BufferView: destroy_buffer_view;
     CommandPool: destroy_command_pool;
+    DescriptorPool: destroy_descriptor_pool;
+    DescriptorSetLayout: destroy_descriptor_set_layout;
     Fence: destroy_fence;
     Framebuffer: destroy_framebuffer;
     Image: destroy_image;

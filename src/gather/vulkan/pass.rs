@@ -18,11 +18,13 @@ pub(super) const ID_FORMAT: vk::Format = vk::Format::R32_UINT;
 /// Format of the depths: inverse depths scaled by a power of two survive it unrounded.
 pub(super) const DEPTH_FORMAT: vk::Format = vk::Format::D32_SFLOAT;
 
+/// A committed SPIR-V binary.
 macro_rules! spirv {
     ($name:literal) => {
         include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/spirv/", $name))
     };
 }
+pub(super) use spirv;
 
 /// What the vertex shader must know of the viewport: `Viewport` in `shaders/splat.vert`.
 #[repr(C)]
@@ -89,8 +91,8 @@ pub(super) fn shaders(shape: SurfelShape) -> [&'static [u8]; 2] {
 /// Number of specialisation constants.
 pub(super) const CONSTANTS: usize = 9;
 
-/// Specialisation constants of both shaders, in the order of their ids in `shaders/cover.glsl`.
-fn constants(resolution: u32) -> [u32; CONSTANTS] {
+/// Specialisation constants of all shaders, in the order of their ids in `shaders/cover.glsl`.
+pub(super) fn constants(resolution: u32) -> [u32; CONSTANTS] {
     let inverse = 1.0 / resolution as f32;
     [
         resolution,
@@ -178,7 +180,12 @@ fn pipeline_layout(context: &Arc<Context>) -> VkResult<Owned<vk::PipelineLayout>
     Ok(Owned::new(context, "hemicubes", raw))
 }
 
-fn shader_module(context: &Arc<Context>, name: &str, code: &[u8]) -> VkResult<Owned<vk::ShaderModule>> {
+/// A module of this crate's own SPIR-V.
+pub(super) fn shader_module(
+    context: &Arc<Context>,
+    name: &str,
+    code: &[u8],
+) -> VkResult<Owned<vk::ShaderModule>> {
     let code: Vec<u32> = bytemuck::pod_collect_to_vec(code);
     let info = vk::ShaderModuleCreateInfo::default().code(&code);
     // SAFETY: the code is this crate's own SPIR-V; the module is owned at once.

@@ -1,19 +1,22 @@
-//! The commands of one submit: draw all hemicubes, copy their ids into the readback buffer.
+//! The commands of one submit. On the raster route: draw all hemicubes, copy their ids into the readback buffer.
 
 use super::context::Context;
 use super::draws::Draws;
 use super::pass::{Pass, Viewport};
 use super::slot::{HIDDEN_ROWS, Slot};
+use super::targets::Targets;
 use super::vertices::SplatBuffers;
 use crate::hemicube::atlas::AtlasLayout;
 use ash::prelude::VkResult;
 use ash::vk;
 
-/// What a submit draws.
+/// What a submit of the raster route draws.
 pub(super) struct Drawing<'a> {
     /// The render pass.
     pub pass: &'a Pass,
-    /// Which of the slot's framebuffers belongs to it.
+    /// The slot's images.
+    pub targets: &'a Targets,
+    /// Which of their framebuffers belongs to the pass.
     pub framebuffer: usize,
     /// The surfels.
     pub splats: &'a SplatBuffers,
@@ -27,8 +30,9 @@ pub(super) struct Drawing<'a> {
     pub layout: AtlasLayout,
 }
 
-/// Records a submit into the slot's command buffer, which the device must not be using.
-pub(super) fn record(context: &Context, slot: &Slot, drawing: &Drawing<'_>) -> VkResult<()> {
+/// Records a submit into the slot's command buffer, which the device must not be using: what `work` records, and the time
+/// that it takes.
+pub(super) fn record(context: &Context, slot: &Slot, work: impl FnOnce()) -> VkResult<()> {
     let (device, commands) = (&context.device, slot.commands);
     let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
     // SAFETY: the caller promises that the command buffer is idle; its pool allows it to be begun again.
@@ -40,14 +44,19 @@ pub(super) fn record(context: &Context, slot: &Slot, drawing: &Drawing<'_>) -> V
             device.cmd_write_timestamp(commands, vk::PipelineStageFlags::TOP_OF_PIPE, timer.raw, 0);
         }
     }
-    draw(context, slot, drawing);
-    copy(context, slot, drawing);
+    work();
     if let Some(timer) = &slot.timer {
         // SAFETY: as above.
         unsafe { device.cmd_write_timestamp(commands, vk::PipelineStageFlags::BOTTOM_OF_PIPE, timer.raw, 1) };
     }
     // SAFETY: the command buffer is recording.
     unsafe { device.end_command_buffer(commands) }
+}
+
+/// Draws and copies.
+pub(super) fn rasterise(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
+    draw(context, slot, drawing);
+    copy(context, slot, drawing);
 }
 
 /// The render pass.
@@ -69,7 +78,7 @@ fn draw(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
     let clear = [vk::ClearValue::default(); 2];
     let begin = vk::RenderPassBeginInfo::default()
         .render_pass(pass.render_pass.raw)
-        .framebuffer(slot.framebuffers[drawing.framebuffer].raw)
+        .framebuffer(drawing.targets.framebuffers[drawing.framebuffer].raw)
         .render_area(area)
         .clear_values(&clear);
     let vertex = vk::ShaderStageFlags::VERTEX;
@@ -91,7 +100,7 @@ fn draw(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
 /// `gl_VertexIndex` either way.
 fn draw_splats(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
     let (device, commands) = (&context.device, slot.commands);
-    let mut buffers = vec![drawing.splats.splats.raw(), slot.instances.raw()];
+    let mut buffers = vec![drawing.splats.splats.raw(), slot.hemicubes.raw()];
     buffers.extend(drawing.splats.axes.as_ref().map(|axes| axes.raw()));
     let offsets = [0; 3];
     // SAFETY: the pipeline is bound; the buffers are those of its bindings and hold the vertices and instances drawn.
@@ -102,7 +111,7 @@ fn draw_splats(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
         return;
     }
     // SAFETY: the index buffer holds the indices of all draws, each below the number of surfels.
-    unsafe { device.cmd_bind_index_buffer(commands, slot.indices.raw(), 0, vk::IndexType::UINT32) };
+    unsafe { device.cmd_bind_index_buffer(commands, slot.cuts.raw(), 0, vk::IndexType::UINT32) };
     for draw in &drawing.draws.list {
         let (instances, first) = (draw.hemicubes * drawing.parts, draw.first * drawing.parts);
         // SAFETY: as above.
@@ -114,19 +123,13 @@ fn draw_splats(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
 fn copy(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
     let (device, commands) = (&context.device, slot.commands);
     let regions = regions(drawing);
-    let visible = [vk::BufferMemoryBarrier::default()
-        .src_access_mask(vk::AccessFlags::TRANSFER_WRITE)
-        .dst_access_mask(vk::AccessFlags::HOST_READ)
-        .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-        .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-        .buffer(slot.readback.raw())
-        .size(vk::WHOLE_SIZE)];
+    let visible = [slot.readback.visible_to_host(vk::AccessFlags::TRANSFER_WRITE)];
     // SAFETY: the command buffer is recording, outside a render pass; the pass left the image in this layout, and the
     // buffer holds a whole atlas.
     unsafe {
         device.cmd_copy_image_to_buffer(
             commands,
-            slot.ids.raw(),
+            drawing.targets.ids.raw(),
             vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
             slot.readback.raw(),
             &regions,

@@ -35,6 +35,31 @@ pub enum FacesPerPass {
     One,
 }
 
+/// The way from surfels to ids. Both draw the same ids.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Route {
+    /// What was measured to be the fastest for this kind of device and these faces.
+    #[default]
+    Auto,
+    /// Points rasterised into layers of an image.
+    Raster,
+    /// A compute shader.
+    Compute,
+}
+
+impl FromStr for Route {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self, Error> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            "raster" => Ok(Self::Raster),
+            "compute" => Ok(Self::Compute),
+            _ => Err(Error::Usage(format!("route '{text}': it must be 'auto', 'raster' or 'compute'"))),
+        }
+    }
+}
+
 /// Settings of a [`VulkanGatherer`](super::VulkanGatherer). None but the resolution changes a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct VulkanSettings {
@@ -44,7 +69,9 @@ pub struct VulkanSettings {
     pub batch: BatchSize,
     /// Batches under way at once, each with its own images and buffers; at least 1.
     pub frames_in_flight: usize,
-    /// Faces a render pass.
+    /// How hemicubes are drawn.
+    pub route: Route,
+    /// Faces a render pass; more than one submit a batch means the raster route.
     pub faces: FacesPerPass,
     /// Bytes of device memory that all batches together may take; `None`: a quarter of the device's own memory.
     pub memory_budget: Option<u64>,
@@ -58,6 +85,7 @@ impl Default for VulkanSettings {
             resolution: 8,
             batch: BatchSize::Auto,
             frames_in_flight: 3,
+            route: Route::Auto,
             faces: FacesPerPass::All,
             memory_budget: None,
             validation: false,

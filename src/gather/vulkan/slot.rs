@@ -3,11 +3,10 @@
 use super::buffers::{Buffer, command_buffer};
 use super::context::{Context, out_of_memory};
 use super::devices::DeviceKind;
-use super::images::{Image, ImageDesc};
 use super::owned::Owned;
-use super::pass::{DEPTH_FORMAT, ID_FORMAT, Pass};
+use super::route::{Attachment, Method, Usages};
 use super::settings::{BatchSize, VulkanSettings};
-use super::vertices::HemicubeInstance;
+use super::vertices::SplatBuffers;
 use crate::hemicube::atlas::AtlasLayout;
 use crate::hemicube::frame::FACES;
 use ash::prelude::VkResult;
@@ -41,14 +40,18 @@ fn largest_layout(context: &Context, resolution: u32, hemicubes: usize) -> Atlas
 }
 
 /// Bytes that one hemicube takes in a slot.
-fn bytes_per_hemicube(resolution: u32, parts: usize) -> u64 {
+fn bytes_per_hemicube(gear: &Gear<'_>, resolution: u32) -> u64 {
     let texels = u64::from(resolution).pow(2);
-    let (images, readback) = (2 * 4 * FACES as u64 * texels, 3 * 4 * texels);
-    images + readback + (parts * size_of::<HemicubeInstance>()) as u64
+    let images = match gear.method {
+        Method::Raster(_) => 2 * 4 * FACES as u64 * texels,
+        Method::Compute(_) => 0,
+    };
+    images + 3 * 4 * texels + gear.method.hemicube_bytes(gear.parts) as u64
 }
 
-/// Hemicubes a slot: as many as wanted, within the memory budget.
-fn wanted_batch(context: &Context, settings: &VulkanSettings, parts: usize) -> usize {
+/// Hemicubes a slot: as many as wanted, within the memory budget and the device's limits.
+fn wanted_batch(gear: &Gear<'_>, settings: &VulkanSettings) -> usize {
+    let context = gear.context;
     let tile = (settings.resolution as usize).pow(2);
     let wanted = match settings.batch {
         BatchSize::Auto => {
@@ -59,21 +62,17 @@ fn wanted_batch(context: &Context, settings: &VulkanSettings, parts: usize) -> u
         BatchSize::Fixed(n) => n,
     };
     let budget = settings.memory_budget.unwrap_or(context.memory_bytes / 4);
-    let each = bytes_per_hemicube(settings.resolution, parts) * settings.frames_in_flight.max(1) as u64;
-    wanted.min((budget / each) as usize).max(1)
+    let each = bytes_per_hemicube(gear, settings.resolution) * settings.frames_in_flight.max(1) as u64;
+    let most = gear.method.most_hemicubes(context, settings.resolution);
+    wanted.min(most).min((budget / each) as usize).max(1)
 }
 
 /// All slots, with half the batch again and again while the device's memory does not hold them.
-pub(super) fn slots(
-    context: &Arc<Context>,
-    passes: &[Pass],
-    settings: &VulkanSettings,
-    parts: usize,
-) -> VkResult<(Vec<Slot>, AtlasLayout)> {
-    let mut hemicubes = wanted_batch(context, settings, parts);
+pub(super) fn slots(gear: &Gear<'_>, settings: &VulkanSettings) -> VkResult<(Vec<Slot>, AtlasLayout)> {
+    let mut hemicubes = wanted_batch(gear, settings);
     loop {
-        let layout = largest_layout(context, settings.resolution, hemicubes);
-        let slot = |_| Slot::new(context, passes, layout, parts);
+        let layout = largest_layout(gear.context, settings.resolution, hemicubes);
+        let slot = |_| Slot::new(gear, layout);
         match (0..settings.frames_in_flight.max(1)).map(slot).collect::<VkResult<_>>() {
             Ok(slots) => return Ok((slots, layout)),
             Err(result) if out_of_memory(result) && hemicubes > 1 => hemicubes /= 2,
@@ -82,18 +81,28 @@ pub(super) fn slots(
     }
 }
 
-/// Images, buffers and commands of one frame in flight.
+/// What all slots of a gatherer have in common.
+#[derive(Clone, Copy)]
+pub(super) struct Gear<'a> {
+    /// The device.
+    pub context: &'a Arc<Context>,
+    /// What draws.
+    pub method: &'a Method,
+    /// The surfels.
+    pub surfels: &'a SplatBuffers,
+    /// Parts in which the raster route draws a hemicube.
+    pub parts: usize,
+}
+
+/// Buffers, commands and what else one frame in flight owns.
 pub(super) struct Slot {
-    /// Where the ids are drawn.
-    pub ids: Image,
-    // Only the framebuffers refer to it.
-    _depths: Image,
-    /// One a pass.
-    pub framebuffers: Vec<Owned<vk::Framebuffer>>,
-    /// Array of [`HemicubeInstance`].
-    pub instances: Buffer,
-    /// Indices of the surfels that each group draws.
-    pub indices: Buffer,
+    /// Images, or bindings of the buffers below, which outlive them.
+    pub attachment: Attachment,
+    layout: AtlasLayout,
+    /// The hemicubes, as the method describes them to the device.
+    pub hemicubes: Buffer,
+    /// Indices of the surfels that each group draws, and one more that stands for none.
+    pub cuts: Buffer,
     /// The packed atlas.
     pub readback: Buffer,
     /// The commands.
@@ -107,54 +116,34 @@ pub(super) struct Slot {
 
 impl Slot {
     /// Takes everything that drawing an atlas of this layout needs.
-    pub fn new(context: &Arc<Context>, passes: &[Pass], layout: AtlasLayout, parts: usize) -> VkResult<Self> {
-        let extent = vk::Extent2D { width: layout.width(), height: layout.height(0) };
-        let ids = Image::new(context, &id_image(extent))?;
-        let depths = Image::new(context, &depth_image(extent))?;
-        let framebuffers = passes
-            .iter()
-            .map(|pass| framebuffer(context, pass, [ids.view(), depths.view()], extent))
-            .collect::<VkResult<_>>()?;
-        let instance_bytes = layout.capacity() * parts * size_of::<HemicubeInstance>();
-        let instances = Buffer::new(
-            context,
-            "hemicube instances",
-            instance_bytes,
-            vk::BufferUsageFlags::VERTEX_BUFFER,
-            MemoryLocation::CpuToGpu,
-        )?;
-        let readback = Buffer::new(
-            context,
-            "id readback",
-            4 * layout.texels(),
-            vk::BufferUsageFlags::TRANSFER_DST,
-            MemoryLocation::GpuToCpu,
-        )?;
-        let indices = index_buffer(context, FIRST_INDICES)?;
+    fn new(gear: &Gear<'_>, layout: AtlasLayout) -> VkResult<Self> {
+        let Gear { context, method, surfels, parts } = *gear;
+        let Usages { hemicubes, cuts, ids, .. } = method.usages();
+        let bytes = layout.capacity() * method.hemicube_bytes(parts);
+        let hemicubes = Buffer::new(context, "hemicubes", bytes, hemicubes, MemoryLocation::CpuToGpu)?;
+        let (bytes, back) = (4 * layout.texels(), MemoryLocation::GpuToCpu);
+        let readback = Buffer::new(context, "id readback", bytes, ids, back)?;
+        let cuts = cut_buffer(context, FIRST_INDICES, cuts)?;
+        let attachment = method.attachment(context, surfels, layout, [&hemicubes, &cuts, &readback])?;
         let (pool, commands) = command_buffer(context, "hemicubes")?;
         let fence = fence(context)?;
         let timer = context.timestamp_seconds.is_some().then(|| timer(context)).transpose()?;
-        Ok(Self {
-            ids,
-            _depths: depths,
-            framebuffers,
-            instances,
-            indices,
-            readback,
-            commands,
-            _pool: pool,
-            fence,
-            timer,
-        })
+        Ok(Self { attachment, layout, hemicubes, cuts, readback, commands, _pool: pool, fence, timer })
     }
 
-    /// Puts indices into the index buffer, which grows when it must. The device must not be using the slot.
-    pub fn write_indices(&mut self, context: &Arc<Context>, indices: &[u32]) -> VkResult<()> {
+    /// Puts the indices of all cuts into their buffer, which grows when it must. The device must not be using the slot.
+    pub fn write_cuts(&mut self, gear: &Gear<'_>, indices: &[u32]) -> VkResult<()> {
         let bytes: &[u8] = bytemuck::cast_slice(indices);
-        if self.indices.bytes().len() < bytes.len() {
-            self.indices = index_buffer(context, indices.len().next_power_of_two())?;
+        if self.cuts.bytes().len() < bytes.len() + size_of::<u32>() {
+            let room = (indices.len() + 1).next_power_of_two();
+            let cuts = cut_buffer(gear.context, room, gear.method.usages().cuts)?;
+            let buffers = [&self.hemicubes, &cuts, &self.readback];
+            self.attachment = gear.method.attachment(gear.context, gear.surfels, self.layout, buffers)?;
+            self.cuts = cuts;
         }
-        self.indices.bytes_mut()[..bytes.len()].copy_from_slice(bytes);
+        let room = self.cuts.bytes_mut();
+        room[..bytes.len()].copy_from_slice(bytes);
+        room[bytes.len()..][..size_of::<u32>()].fill(0);
         Ok(())
     }
 
@@ -169,47 +158,8 @@ impl Slot {
     }
 }
 
-fn index_buffer(context: &Arc<Context>, indices: usize) -> VkResult<Buffer> {
-    let usage = vk::BufferUsageFlags::INDEX_BUFFER;
-    Buffer::new(context, "surfel indices", indices * size_of::<u32>(), usage, MemoryLocation::CpuToGpu)
-}
-
-fn id_image(extent: vk::Extent2D) -> ImageDesc<'static> {
-    ImageDesc {
-        name: "id atlas",
-        format: ID_FORMAT,
-        extent,
-        usage: vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::TRANSFER_SRC,
-        aspect: vk::ImageAspectFlags::COLOR,
-    }
-}
-
-fn depth_image(extent: vk::Extent2D) -> ImageDesc<'static> {
-    ImageDesc {
-        name: "depth atlas",
-        format: DEPTH_FORMAT,
-        extent,
-        usage: vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
-        aspect: vk::ImageAspectFlags::DEPTH,
-    }
-}
-
-fn framebuffer(
-    context: &Arc<Context>,
-    pass: &Pass,
-    views: [vk::ImageView; 2],
-    extent: vk::Extent2D,
-) -> VkResult<Owned<vk::Framebuffer>> {
-    // One layer: with multiview, the view mask chooses the layers.
-    let info = vk::FramebufferCreateInfo::default()
-        .render_pass(pass.render_pass.raw)
-        .attachments(&views)
-        .width(extent.width)
-        .height(extent.height)
-        .layers(1);
-    // SAFETY: the views fit the render pass's attachments; the framebuffer is owned at once.
-    let raw = unsafe { context.device.create_framebuffer(&info, None) }?;
-    Ok(Owned::new(context, "hemicubes", raw))
+fn cut_buffer(context: &Arc<Context>, indices: usize, usage: vk::BufferUsageFlags) -> VkResult<Buffer> {
+    Buffer::new(context, "cuts", indices * size_of::<u32>(), usage, MemoryLocation::CpuToGpu)
 }
 
 fn fence(context: &Arc<Context>) -> VkResult<Owned<vk::Fence>> {

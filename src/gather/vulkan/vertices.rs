@@ -10,6 +10,7 @@ use crate::surfel::cloud::{Splat, SurfelShape};
 use crate::surfel::drawable::in_plane_axes;
 use ash::prelude::VkResult;
 use ash::vk;
+use bytemuck::Zeroable;
 use std::mem::offset_of;
 use std::sync::Arc;
 
@@ -67,13 +68,13 @@ pub(super) fn tile_parts(resolution: u32, largest_point: u32) -> Vec<[u32; 4]> {
     cells.map(|((x0, x1), (y0, y1))| [x0, y0, x1, y1]).collect()
 }
 
-/// Fills an instance buffer; returns the number of instances.
+/// Fills an instance buffer: `parts` instances a receiver.
 pub(super) fn write_instances(
     buffer: &mut Buffer,
     receivers: &[Receiver],
     layout: AtlasLayout,
     parts: &[[u32; 4]],
-) -> u32 {
+) {
     let size = size_of::<HemicubeInstance>();
     let count = receivers.len() * parts.len();
     let instances = bytemuck::cast_slice_mut(&mut buffer.bytes_mut()[..count * size]);
@@ -85,7 +86,6 @@ pub(super) fn write_instances(
             *instance = HemicubeInstance::new(receiver, &frame, origin, part);
         }
     }
-    count as u32
 }
 
 /// The surfels in the device's memory.
@@ -100,8 +100,16 @@ pub(super) struct SplatBuffers {
 
 impl SplatBuffers {
     /// Copies the surfels to the device.
-    pub fn new(context: &Arc<Context>, splats: &[Splat], shape: SurfelShape) -> VkResult<Self> {
-        let usage = vk::BufferUsageFlags::VERTEX_BUFFER;
+    pub fn new(
+        context: &Arc<Context>,
+        splats: &[Splat],
+        shape: SurfelShape,
+        usage: vk::BufferUsageFlags,
+    ) -> VkResult<Self> {
+        let count = splats.len() as u32;
+        // A texel buffer has at least one of each.
+        let none = [Splat::zeroed()];
+        let splats = if splats.is_empty() { &none } else { splats };
         let axes = match shape {
             SurfelShape::Disc => None,
             SurfelShape::Triangle => {
@@ -110,7 +118,7 @@ impl SplatBuffers {
             }
         };
         let buffer = upload(context, "surfels", bytemuck::cast_slice(splats), usage)?;
-        Ok(Self { splats: buffer, axes, count: splats.len() as u32 })
+        Ok(Self { splats: buffer, axes, count })
     }
 }
 

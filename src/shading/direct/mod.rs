@@ -18,8 +18,8 @@ use super::visible::Visible;
 use crate::direct::{DirectLight, Gloss, LightAlone, LitPoint, Sampling};
 use crate::error::Result;
 use crate::interrupt;
+use crate::scenery::Scenery;
 use crate::settings::{Emitters, Settings};
-use crate::world::World;
 use glam::Vec3;
 use hood::Hood;
 use probe::Answers;
@@ -33,7 +33,7 @@ const PORTION: usize = 256;
 /// # Errors
 /// When the user interrupts.
 pub fn direct_light(
-    world: &World,
+    scenery: &Scenery,
     view: &View,
     settings: &Settings,
     visible: &Visible,
@@ -41,8 +41,8 @@ pub fn direct_light(
     if settings.emitters == Emitters::Gather {
         return Ok(vec![DirectLight::default(); visible.points.len()]);
     }
-    let scene = Lit { world, view, settings, visible };
-    let apart = world.lights.one_by_one(&world.accel);
+    let scene = Lit { scenery, view, settings, visible };
+    let apart = scenery.lights.one_by_one(&scenery.accel);
     let sharing = apart.is_some();
     let mut light = scene.shade_each_point(|point| !sharing || scene.is_glossy(point))?;
     if let Some(lights) = apart {
@@ -62,7 +62,7 @@ pub fn direct_light(
 /// What the stage works on.
 #[derive(Clone, Copy)]
 struct Lit<'a> {
-    world: &'a World,
+    scenery: &'a Scenery,
     view: &'a View,
     settings: &'a Settings,
     visible: &'a Visible,
@@ -109,17 +109,17 @@ impl<'a> Lit<'a> {
     }
 
     fn shade(&self, point: &ShadingPoint) -> DirectLight {
-        let material = &self.world.scene.materials[point.material as usize];
+        let material = &self.scenery.scene.materials[point.material as usize];
         let gloss = self
             .is_glossy(point)
             .then(|| Gloss { to_eye: self.view.to_camera(point.position), shininess: material.shininess });
         let sampling =
             Sampling { seed: self.settings.seed, stream: point.stream, samples: self.settings.light_samples };
-        self.world.lights.shade(&self.world.accel, &lit_point(point), gloss, sampling)
+        self.scenery.lights.shade(&self.scenery.accel, &lit_point(point), gloss, sampling)
     }
 
     fn is_glossy(&self, point: &ShadingPoint) -> bool {
-        self.world.scene.materials[point.material as usize].specular != Vec3::ZERO
+        self.scenery.scene.materials[point.material as usize].specular != Vec3::ZERO
     }
 
     /// Whether a point's shadows are found here: it reflects light, and by its cosine alone.

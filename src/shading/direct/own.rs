@@ -89,12 +89,12 @@ fn over_pixel(lit: &Lit, light: LightAlone, seen: &LightSeen, point: &ShadingPoi
     if lit.view.samples == 1 {
         return tally;
     }
-    let Lit { view, settings, world, .. } = *lit;
+    let Lit { view, settings, scenery, .. } = *lit;
     let footprint = view.footprint(point.position);
     let places = Sequence::new(settings.seed, point.stream, PLACES);
     let targets = Sequence::new(settings.seed, point.stream, light.number);
     for ray in 0..rays(lit, light) {
-        let place = view.trace_within(&world.accel, point.stream, places.point(ray));
+        let place = view.trace_within(&scenery.accel, point.stream, places.point(ray));
         if let Some(place) = place.filter(|place| same_surface(point, place, footprint)) {
             seen.trace(&lit_point(&place), targets.point(ray), &mut tally);
         }

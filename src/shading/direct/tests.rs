@@ -6,6 +6,7 @@ use crate::progress::Reporter;
 use crate::run::Run;
 use crate::scene::{Camera, Material, PunctualEmission, PunctualLight, Scene, SceneDescription, Shape};
 use crate::settings::GatherMethod;
+use crate::world::World;
 use glam::DVec3;
 
 const FLOOR: u32 = 0;
@@ -55,7 +56,8 @@ impl Picture {
     }
 
     fn light(&self, visible: &Visible) -> Vec<f32> {
-        let light = direct_light(&self.world, &self.view, &self.settings, visible).expect("not interrupted");
+        let light = direct_light(&self.world.scenery(), &self.view, &self.settings, visible)
+            .expect("not interrupted");
         light.iter().map(|light| light.irradiance.x).collect()
     }
 
@@ -67,7 +69,7 @@ impl Picture {
     }
 
     fn refined(&self, visible: &Visible) -> usize {
-        let lit = Lit { world: &self.world, view: &self.view, settings: &self.settings, visible };
+        let lit = Lit { scenery: &self.world.scenery(), view: &self.view, settings: &self.settings, visible };
         let lights = self.world.lights.one_by_one(&self.world.accel).expect("few lights");
         lights.map(|light| lit.visibility(&Hood::new(visible), light).refined).sum()
     }

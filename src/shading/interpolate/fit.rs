@@ -1,6 +1,7 @@
 //! The weighted linear least-squares fit through the records around a point.
 
 use super::lanes::{PointLanes, RecordLanes};
+use super::record::Record;
 use crate::lanes::{F32x8, LANES, Mask8};
 use glam::Vec3;
 
@@ -18,7 +19,7 @@ const LEAST_SPREAD: f32 = 1e-3;
 const OVERSHOOT: f32 = 2.5;
 
 /// Less than this weight is nothing but rounding or the rim of a support.
-const LEAST_WEIGHT: f32 = 1e-4;
+pub(super) const LEAST_WEIGHT: f32 = 1e-4;
 
 /// What records say of a point.
 #[derive(Debug, Clone, Copy, Default)]
@@ -27,6 +28,15 @@ pub struct Fit {
     pub irradiance: Option<Vec3>,
     /// Distance to the nearest record, in its reaches.
     pub distance: f32,
+}
+
+/// Weight of a record that is `offset` away from a point whose unit normal is given: what [`fit`] uses, one by one.
+pub fn weight(record: &Record, offset: Vec3, normal: Vec3) -> f32 {
+    let across = 0.5 * (offset.dot(normal) + offset.dot(record.normal));
+    let support = SUPPORT * record.reach;
+    let flat = offset.length_squared() + ACROSS * across * across;
+    let distance = flat / (support * support) + TURN * (1.0 - record.normal.dot(normal));
+    (1.0 - distance).max(0.0).powi(2) * record.importance()
 }
 
 /// Weighted sums over records, for eight points.

@@ -1,6 +1,7 @@
 //! What a gather leaves behind for its neighbours.
 
 use crate::gather::Estimate;
+use crate::hemicube::frame::Coverage;
 use crate::shading::points::ShadingPoint;
 use glam::Vec3;
 
@@ -22,6 +23,10 @@ pub struct Record {
     /// Least reach that is worth while, scene units: nearer gathers would only repeat this one, unless light changes from
     /// pixel to pixel.
     pub shortest: f32,
+    /// See [`Estimate::closeness`].
+    pub closeness: f32,
+    /// See [`Estimate::coverage`].
+    pub coverage: Coverage,
 }
 
 impl Record {
@@ -54,6 +59,8 @@ impl Reaches {
             irradiance: estimate.irradiance,
             reach: reach.clamp(shortest, LONGEST * spacing),
             shortest,
+            closeness: estimate.closeness,
+            coverage: estimate.coverage,
         }
     }
 }

@@ -1,10 +1,12 @@
 //! The records, found by the tiles of the picture that they reach into.
 
+use super::diagnose::diagnose;
 use super::fit::{Fit, SUPPORT};
 use super::lanes::{PointLanes, RecordLanes};
 use super::record::{Reaches, Record};
 use crate::gather::Estimate;
 use crate::lanes::LANES;
+use crate::shading::diagnostics::Diagnostics;
 use crate::shading::points::{ShadingPoint, View};
 use crate::shading::visible::Visible;
 use glam::Vec3;
@@ -22,7 +24,20 @@ const ENOUGH: u32 = 4;
 /// Corrected records reach at least this share of what is worth while: not to the next pixel.
 const LEAST: f32 = 0.2;
 
-/// All records of a picture so far.
+/// Where a visible point is found.
+#[derive(Debug, Clone, Copy)]
+pub struct Place {
+    /// Column of its pixel.
+    pub x: u32,
+    /// Row of its pixel, counted from the first of the visible ones.
+    pub row: u32,
+    /// Its number.
+    pub point: usize,
+    /// Whether it has the largest share of its pixel.
+    pub main: bool,
+}
+
+/// All records of one kind of points of a picture so far.
 pub struct Field<'v> {
     view: &'v View,
     visible: &'v Visible,
@@ -44,18 +59,17 @@ impl<'v> Field<'v> {
         Self { view, visible, reaches, records: Vec::new(), tiles, columns, tile_rows }
     }
 
-    /// Fits at visible points, in parallel, tile by tile. `choose` tells which of the points of the pixel in a column and a
-    /// row of these rows are wanted.
-    pub fn fit(
-        &self,
-        choose: impl Fn(u32, u32, Range<usize>) -> Range<usize> + Sync,
-    ) -> Vec<Vec<(u32, Fit)>> {
+    /// Fits at visible points, by column and row of these rows, which
+    /// of its points are: it is asked for every one, together with the number of the pixel's first.
+    pub fn fit(&self, wanted: impl Fn(Place) -> bool + Sync) -> Vec<Vec<(u32, Fit)>> {
         let chosen = |tile: usize, list: &mut Vec<u32>| {
             let (x0, y0) = (tile as u32 % self.columns * TILE, tile as u32 / self.columns * TILE);
             for y in y0..self.visible.height().min(y0 + TILE) {
                 for x in x0..self.visible.width.min(x0 + TILE) {
-                    let pixel = y as usize * self.visible.width as usize + x as usize;
-                    list.extend(choose(x, y, self.visible.of_pixel(pixel)).map(|i| i as u32));
+                    let points = self.visible.of_pixel(y as usize * self.visible.width as usize + x as usize);
+                    let main = points.start;
+                    let is_wanted = |&point: &usize| wanted(Place { x, row: y, point, main: point == main });
+                    list.extend(points.filter(is_wanted).map(|point| point as u32));
                 }
             }
         };
@@ -90,6 +104,25 @@ impl<'v> Field<'v> {
                 fits
             })
             .collect()
+    }
+
+    /// What the records tell of every visible point, in order; `None` where none is near.
+    pub fn diagnose(&self) -> Vec<Option<Diagnostics>> {
+        let noise = self.noise();
+        let of_pixel = |pixel: usize| {
+            let (x, y) = (pixel as u32 % self.visible.width, pixel as u32 / self.visible.width);
+            let tile = (y / TILE * self.columns + x / TILE) as usize;
+            self.visible.of_pixel(pixel).map(move |i| {
+                let records = self.tiles.get(tile).iter().map(|&r| &self.records[r as usize]);
+                diagnose(&self.visible.points[i], records, noise)
+            })
+        };
+        (0..self.visible.pixels()).into_par_iter().with_min_len(256).flat_map_iter(of_pixel).collect()
+    }
+
+    /// Relative error of one gather: how far most are from what their neighbours foretell.
+    pub fn noise(&self) -> f32 {
+        median(&self.errors())
     }
 
     /// Adds what was gathered at visible points, and lets all records reach as far as their neighbours allow.

@@ -1,0 +1,261 @@
+//! What a sweep tries: lists of settings, and the ways to combine them.
+
+use crate::error::{Error, Result};
+
+/// A setting of `render` that a sweep varies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Setting {
+    /// How irradiance is gathered.
+    Gather,
+    /// What gathers.
+    Device,
+    /// Pixels along a hemicube face's edge.
+    FaceResolution,
+    /// Number of surfels.
+    Surfels,
+    /// Distance between surfels.
+    SurfelSpacing,
+    /// Size at which clusters of surfels are drawn as one.
+    Lod,
+    /// Distance within which rays take the place of pixels.
+    NearField,
+    /// Tolerance of interpolation.
+    Interpolate,
+    /// Indirect bounces.
+    Bounces,
+    /// Shadow rays.
+    LightSamples,
+    /// Rays of traced and Monte Carlo gathers.
+    GatherSamples,
+    /// Camera rays a pixel.
+    Samples,
+}
+
+impl Setting {
+    /// All, in the order of the columns of a table.
+    pub const ALL: [Self; 12] = [
+        Self::Gather,
+        Self::Device,
+        Self::FaceResolution,
+        Self::Surfels,
+        Self::SurfelSpacing,
+        Self::Lod,
+        Self::NearField,
+        Self::Interpolate,
+        Self::Bounces,
+        Self::LightSamples,
+        Self::GatherSamples,
+        Self::Samples,
+    ];
+
+    /// The option of `render`.
+    pub fn option(self) -> &'static str {
+        match self {
+            Self::Gather => "--gather",
+            Self::Device => "--device",
+            Self::FaceResolution => "--face-resolution",
+            Self::Surfels => "--surfels",
+            Self::SurfelSpacing => "--surfel-spacing",
+            Self::Lod => "--lod",
+            Self::NearField => "--near-field",
+            Self::Interpolate => "--interpolate",
+            Self::Bounces => "--bounces",
+            Self::LightSamples => "--light-samples",
+            Self::GatherSamples => "--gather-samples",
+            Self::Samples => "--samples",
+        }
+    }
+
+    /// The key in JSON: the option without dashes in front, and underscores within.
+    pub fn key(self) -> String {
+        self.option().trim_start_matches('-').replace('-', "_")
+    }
+
+    /// The name in tables and charts.
+    pub fn name(self) -> String {
+        self.option().trim_start_matches('-').replace('-', " ")
+    }
+
+    /// The setting with a key.
+    pub fn from_key(key: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|setting| setting.key() == key)
+    }
+}
+
+/// How lists of settings are combined.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub enum Vary {
+    /// Every value with every other
+    #[default]
+    Grid,
+    /// One setting at a time, the others as the quality has them
+    Each,
+    /// The first values of all lists, then the second ones, and so on
+    Together,
+}
+
+impl Vary {
+    /// The name on the command line and in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Grid => "grid",
+            Self::Each => "each",
+            Self::Together => "together",
+        }
+    }
+
+    /// The way with a name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::Grid, Self::Each, Self::Together].into_iter().find(|vary| vary.name() == name)
+    }
+}
+
+/// Values to try for a setting, as words of a command line.
+pub type List = (Setting, Vec<String>);
+
+/// Settings to be tried.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Candidate {
+    /// What differs from the quality that it begins with.
+    pub words: Vec<(Setting, String)>,
+    /// The settings whose effect it shows.
+    pub varied: Vec<Setting>,
+}
+
+/// More than this is a mistake: a year of renders.
+const MOST: usize = 100_000;
+
+/// Combines lists.
+///
+/// # Errors
+/// [`Error::Usage`] when there would be too many renders, or lists that go together differ in length.
+pub fn combine(vary: Vary, lists: &[List]) -> Result<Vec<Candidate>> {
+    let sizes = lists.iter().map(|(_, values)| values.len());
+    let count = match vary {
+        Vary::Grid => sizes.fold(1, usize::saturating_mul),
+        Vary::Each | Vary::Together => sizes.fold(0, usize::saturating_add),
+    };
+    if count > MOST {
+        return Err(Error::Usage(format!("these lists make {count} renders; the most is {MOST}")));
+    }
+    match vary {
+        Vary::Grid => Ok(grid(lists)),
+        Vary::Each => Ok(each(lists)),
+        Vary::Together => together(lists),
+    }
+}
+
+/// The last list varies fastest.
+fn grid(lists: &[List]) -> Vec<Candidate> {
+    let varied: Vec<Setting> = lists.iter().map(|(setting, _)| *setting).collect();
+    let mut grid = vec![Candidate { words: Vec::new(), varied }];
+    for (setting, values) in lists {
+        let longer = |candidate: &Candidate, value: &String| {
+            let mut candidate = candidate.clone();
+            candidate.words.push((*setting, value.clone()));
+            candidate
+        };
+        grid = grid.iter().flat_map(|c| values.iter().map(|value| longer(c, value))).collect();
+    }
+    grid
+}
+
+fn each(lists: &[List]) -> Vec<Candidate> {
+    let alone = |setting: Setting, value: &String| Candidate {
+        words: vec![(setting, value.clone())],
+        varied: vec![setting],
+    };
+    lists.iter().flat_map(|(setting, values)| values.iter().map(|value| alone(*setting, value))).collect()
+}
+
+fn together(lists: &[List]) -> Result<Vec<Candidate>> {
+    let length = lists.first().map_or(0, |(_, values)| values.len());
+    if let Some((setting, values)) = lists.iter().find(|(_, values)| values.len() != length) {
+        let (first, option) = (lists[0].0.option(), setting.option());
+        let found = values.len();
+        return Err(Error::Usage(format!(
+            "lists that go together are equally long, but {first} has {length} values and {option} has {found}"
+        )));
+    }
+    let nth = |i: usize| Candidate {
+        words: lists.iter().map(|(setting, values)| (*setting, values[i].clone())).collect(),
+        varied: lists.iter().map(|(setting, _)| *setting).collect(),
+    };
+    Ok((0..length).map(nth).collect())
+}
+
+/// An order in which any first part of the work is like the whole, so that the time left can be told from the time gone:
+/// steps of the golden ratio of `count`.
+pub fn spread_order(count: usize) -> Vec<usize> {
+    let coprime = |step: &usize| gcd(*step, count) == 1;
+    let golden = (count as f64 * 0.618) as usize;
+    let step = (golden..count).find(coprime).unwrap_or(1);
+    (0..count).map(|i| i * step % count).collect()
+}
+
+fn gcd(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lists() -> Vec<List> {
+        let list = |setting, values: &str| (setting, values.split(',').map(String::from).collect());
+        vec![list(Setting::FaceResolution, "4,8"), list(Setting::Lod, "0,1,2")]
+    }
+
+    fn words(candidates: &[Candidate]) -> Vec<String> {
+        let words =
+            |c: &Candidate| c.words.iter().map(|(_, value)| value.as_str()).collect::<Vec<_>>().join(" ");
+        candidates.iter().map(words).collect()
+    }
+
+    #[test]
+    fn lists_combine_in_three_ways() {
+        let grid = combine(Vary::Grid, &lists()).unwrap();
+        assert_eq!(words(&grid), ["4 0", "4 1", "4 2", "8 0", "8 1", "8 2"]);
+        let each = combine(Vary::Each, &lists()).unwrap();
+        assert_eq!(words(&each), ["4", "8", "0", "1", "2"]);
+        assert_eq!(each[4].varied, [Setting::Lod]);
+        let two = &mut lists();
+        two[1].1.pop();
+        assert_eq!(words(&combine(Vary::Together, two).unwrap()), ["4 0", "8 1"]);
+    }
+
+    #[test]
+    fn lists_that_do_not_fit_are_refused_by_name() {
+        let message = combine(Vary::Together, &lists()).unwrap_err().to_string();
+        assert!(message.contains("--lod has 3") && message.contains("--face-resolution has 2"), "{message}");
+        let long: Vec<List> =
+            [Setting::Lod, Setting::NearField].map(|s| (s, vec![String::from("1"); 1000])).into();
+        let error = combine(Vary::Grid, &long).unwrap_err();
+        assert!(error.exit_code() == 2 && error.to_string().contains("1000000"), "{error}");
+    }
+
+    #[test]
+    fn no_lists_are_one_candidate_or_none() {
+        assert_eq!(combine(Vary::Grid, &[]).unwrap().len(), 1);
+        assert!(
+            combine(Vary::Each, &[]).unwrap().is_empty() && combine(Vary::Together, &[]).unwrap().is_empty()
+        );
+    }
+
+    #[test]
+    fn the_order_is_a_permutation_that_jumps() {
+        for count in [0, 1, 2, 3, 6, 10, 97, 100] {
+            let mut order = spread_order(count);
+            assert!(count < 6 || order[1] > 1, "{order:?}");
+            order.sort_unstable();
+            assert_eq!(order, (0..count).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn keys_are_options_and_lead_back() {
+        assert_eq!(Setting::FaceResolution.key(), "face_resolution");
+        assert!(Setting::ALL.iter().all(|setting| Setting::from_key(&setting.key()) == Some(*setting)));
+        assert_eq!(Setting::from_key("seconds"), None);
+    }
+}

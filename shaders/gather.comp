@@ -1,10 +1,11 @@
-// A strip of one hemicube's face a workgroup, which is one subgroup. Lanes take turns at two roles: as surfels, they are
-// turned into the hemicube's frame; as pixels of the strip, they test each of those surfels, handed round by shuffles.
-// A strip is as wide as the subgroup and four rows high, so that its depths and winners stay in registers.
+// One hemicube a workgroup (or a part of one, where faces are large), which is one subgroup. Lanes take turns at two roles: as
+// surfels, they are turned into the hemicube's frame and learn which strips of its faces they may touch; as pixels of a
+// strip, they test each of those surfels, handed round by shuffles. A strip is as wide as the subgroup and four rows high, so
+// that its depths and winners stay in registers.
 //
 // Written for lavapipe: it executes both sides of a branch, and every loop at least once; reads of storage buffers are dear,
-// texel fetches and shuffles from known lanes cheap. It ends a workgroup's loops after 65535 rounds in all, so that long
-// cuts take several dispatches.
+// texel fetches less so, shuffles from known lanes cheap. It ends a workgroup's loops after 65535 rounds in all, so that
+// long cuts take several dispatches.
 #version 450
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
@@ -21,8 +22,12 @@ const uint LANES = gl_WorkGroupSize.x;
 layout(constant_id = 10) const uint MOST_SURFELS = 1;
 // Whether there are so many surfels that cuts may be longer than that.
 layout(constant_id = 11) const bool LONG_CUTS = false;
+// Strips of a workgroup, MOST_STRIPS at most, and workgroups of a hemicube.
+layout(constant_id = 12) const uint STRIPS = 1;
+layout(constant_id = 13) const uint PARTS = 1;
 
 const uint ROWS = 4;
+const uint MOST_STRIPS = 24;
 // Surfels that a lane looks through before it draws what it has found: a bit each.
 const uint LOOKED_THROUGH = 32;
 
@@ -60,8 +65,6 @@ struct Strip {
     uvec2 corner;
     // Columns of directions, a lane each.
     float u;
-    // Bounds of the directions of all its pixels: least and greatest u and v.
-    vec4 bounds;
 };
 
 struct Surfel {
@@ -101,15 +104,23 @@ uint strips_of(uint face) {
     return strips_across() * ((rows(face, RESOLUTION) + ROWS - 1u) / ROWS);
 }
 
-Strip strip(uint index, uint lane) {
+// One of the workgroup's strips. The last workgroup may have too many, on faces that there are not.
+Strip strip(uint index) {
+    // A known number where there is one workgroup: then faces and bounds are known to the compiler too.
+    uint i = PARTS == 1u ? index : index + gl_WorkGroupID.y * STRIPS;
     uint top = strips_of(0u);
-    uint face = index < top ? 0u : 1u + (index - top) / strips_of(1u);
-    uint place = index < top ? index : (index - top) % strips_of(1u);
+    uint face = i < top ? 0u : 1u + (i - top) / strips_of(1u);
+    uint place = i < top ? i : (i - top) % strips_of(1u);
     uvec2 corner = uvec2(place % strips_across() * LANES, place / strips_across() * ROWS);
-    vec2 low = pixel_direction(face, corner, INVERSE_RESOLUTION);
-    vec2 high = pixel_direction(face, corner + uvec2(LANES, ROWS) - 1u, INVERSE_RESOLUTION);
-    float u = pixel_direction(face, corner + uvec2(lane, 0u), INVERSE_RESOLUTION).x;
-    return Strip(face, corner, u, vec4(low.x, high.x, low.y, high.y));
+    float u = pixel_direction(face, corner + uvec2(gl_SubgroupInvocationID, 0u), INVERSE_RESOLUTION).x;
+    return Strip(face, corner, u);
+}
+
+// Bounds of the directions of a strip's pixels: least and greatest u and v.
+vec4 bounds(Strip s) {
+    vec2 low = pixel_direction(s.face, s.corner, INVERSE_RESOLUTION);
+    vec2 high = pixel_direction(s.face, s.corner + uvec2(LANES, ROWS) - 1u, INVERSE_RESOLUTION);
+    return vec4(low.x, high.x, low.y, high.y);
 }
 
 // Direction of this lane's pixel in a row of the strip.
@@ -118,9 +129,7 @@ vec2 pixel_in(Strip s, uint row) {
 }
 
 // Whether a sphere may reach into the pyramid of a strip's directions.
-bool may_touch(vec3 centre, float radius, vec4 bounds) {
-    // Rounding must not lose anything: a thousandth is far more than it could.
-    float reach = 1.001 * radius + 1e-5 * (abs(centre.x) + abs(centre.y) + abs(centre.z));
+bool may_touch(vec3 centre, float reach, vec4 bounds) {
     vec4 within = vec4(centre.x, -centre.x, centre.y, -centre.y) + vec4(-1.0, 1.0, -1.0, 1.0) * bounds * centre.z;
     vec4 least = -reach * sqrt(1.0 + bounds * bounds);
     return centre.z > -reach && all(greaterThanEqual(within, least));
@@ -141,21 +150,30 @@ int surfel_at(Hemicube h, uint place) {
     return int(texelFetch(cuts, int(h.first + min(place, last))).x);
 }
 
-// Which of the surfels that this lane looks through may touch the strip: every `LANES`th from `first` on.
-uint look_through(Hemicube h, Strip s, uint first) {
-    uint touching = 0u;
+// For each strip, which of the surfels that this lane looks through may touch it: every `LANES`th from `first` on.
+void look_through(Hemicube h, uint first, out uint touching[MOST_STRIPS]) {
+    uint found[MOST_STRIPS];
+    [[unroll]] for (uint k = 0u; k < STRIPS; k++) {
+        found[k] = 0u;
+    }
     for (uint i = 0u;;) {
         uint place = first + i * LANES + gl_SubgroupInvocationID;
-        int surfel = surfel_at(h, place);
-        vec4 sphere = uintBitsToFloat(texelFetch(surfels, 2 * surfel));
-        vec3 centre = to_face(s.face, centre_of(h, sphere.xyz));
-        bool touches = place < h.count && may_touch(centre, sphere.w, s.bounds);
-        touching |= (touches ? 1u : 0u) << i;
+        vec4 sphere = uintBitsToFloat(texelFetch(surfels, 2 * surfel_at(h, place)));
+        vec3 centre = centre_of(h, sphere.xyz);
+        // Rounding must not lose anything: a thousandth is far more than it could.
+        float reach = 1.001 * sphere.w + 1e-5 * (abs(centre.x) + abs(centre.y) + abs(centre.z));
+        uint bit = place < h.count ? 1u << i : 0u;
+        [[unroll]] for (uint k = 0u; k < STRIPS; k++) {
+            Strip s = strip(k);
+            found[k] |= may_touch(to_face(s.face, centre), reach, bounds(s)) ? bit : 0u;
+        }
         if (++i == LOOKED_THROUGH || first + i * LANES >= h.count) {
             break;
         }
     }
-    return touching;
+    [[unroll]] for (uint k = 0u; k < STRIPS; k++) {
+        touching[k] = found[k];
+    }
 }
 
 // A surfel as a face sees it. One that is not seen, or not wanted, has no plane, so that it covers no pixel.
@@ -236,52 +254,100 @@ uint texel(Strip s, uvec2 pixel) {
 }
 
 bool in_face(Strip s, uvec2 pixel) {
-    return pixel.x < RESOLUTION && pixel.y < rows(s.face, RESOLUTION);
+    return s.face < 5u && pixel.x < RESOLUTION && pixel.y < rows(s.face, RESOLUTION);
 }
 
-// The id that earlier dispatches left in a pixel, and its depth.
-uint drawn_before(Hemicube h, Strip s, uint row, out float nearest) {
+// The id that earlier dispatches left in a pixel.
+uint drawn_before(Strip s, uint row) {
     uvec2 pixel = s.corner + uvec2(gl_SubgroupInvocationID, row);
-    uint id = dispatch.drawn > 0u && in_face(s, pixel) ? atlas.ids[texel(s, pixel)] : 0u;
+    return dispatch.drawn > 0u && in_face(s, pixel) ? atlas.ids[texel(s, pixel)] : 0u;
+}
+
+// The depth of that.
+float depth_before(Hemicube h, Strip s, uint row) {
+    uint id = drawn_before(s, row);
     Surfel surfel = project(h, s.face, int(max(id, 1u)) - 1, id != 0u);
-    nearest = inverse_depth(surfel.plane, pixel_in(s, row));
-    return id;
+    return inverse_depth(surfel.plane, pixel_in(s, row));
+}
+
+// Depths and winners of the pixels that a lane has in all strips. A winner is a place in the cut, counted from 1; what earlier
+// dispatches drew is none of this one's, and wins over equals.
+float nearest[MOST_STRIPS * ROWS];
+int winner[MOST_STRIPS * ROWS];
+
+void start(Hemicube h) {
+    for (uint k = 0u;;) {
+        Strip s = strip(k);
+        [[unroll]] for (uint y = 0u; y < ROWS; y++) {
+            nearest[k * ROWS + y] = 0.0;
+            winner[k * ROWS + y] = 0;
+        }
+        if (LONG_CUTS) {
+            nearest[k * ROWS] = depth_before(h, s, 0u);
+            nearest[k * ROWS + 1u] = depth_before(h, s, 1u);
+            nearest[k * ROWS + 2u] = depth_before(h, s, 2u);
+            nearest[k * ROWS + 3u] = depth_before(h, s, 3u);
+        }
+        if (++k == STRIPS) {
+            break;
+        }
+    }
+}
+
+// Draws those of the surfels from `first` on that each lane has found to touch the strip.
+void draw_strip(Hemicube h, uint k, uint first, uint touching) {
+    Strip s = strip(k);
+    vec4 depth = vec4(nearest[k * ROWS], nearest[k * ROWS + 1u], nearest[k * ROWS + 2u], nearest[k * ROWS + 3u]);
+    ivec4 mark = ivec4(winner[k * ROWS], winner[k * ROWS + 1u], winner[k * ROWS + 2u], winner[k * ROWS + 3u]);
+    uint rounds = greatest(uint(bitCount(touching)));
+    for (uint i = 0u;;) {
+        bool some = touching != 0u;
+        uint next = some ? uint(findLSB(touching)) : 0u;
+        touching &= touching - 1u;
+        uint place = first + next * LANES + gl_SubgroupInvocationID;
+        Surfel mine = project(h, s.face, surfel_at(h, place), some);
+        mine.mark = int(place) + 1;
+        [[unroll]] for (uint from = 0u; from < LANES; from++) {
+            Surfel surfel = handed_round(mine, from);
+            // Not a loop: unrolling one, SPIRV-Tools forget what is `precise`.
+            draw(surfel, pixel_in(s, 0u), depth.x, mark.x);
+            draw(surfel, pixel_in(s, 1u), depth.y, mark.y);
+            draw(surfel, pixel_in(s, 2u), depth.z, mark.z);
+            draw(surfel, pixel_in(s, 3u), depth.w, mark.w);
+        }
+        if (++i >= rounds) {
+            break;
+        }
+    }
+    [[unroll]] for (uint y = 0u; y < ROWS; y++) {
+        nearest[k * ROWS + y] = depth[y];
+        winner[k * ROWS + y] = mark[y];
+    }
+}
+
+// Writes the ids of a strip.
+void finish(Hemicube h, uint k) {
+    Strip s = strip(k);
+    [[unroll]] for (uint y = 0u; y < ROWS; y++) {
+        uvec2 pixel = s.corner + uvec2(gl_SubgroupInvocationID, y);
+        int mark = winner[k * ROWS + y];
+        uint before = LONG_CUTS ? drawn_before(s, y) : 0u;
+        uint id = uint(surfel_at(h, uint(max(mark - 1, 0)))) + 1u;
+        if (in_face(s, pixel)) {
+            atlas.ids[texel(s, pixel)] = mark == 0 ? before : id;
+        }
+    }
 }
 
 void main() {
-    uint lane = gl_SubgroupInvocationID;
     Hemicube h = hemicube(gl_WorkGroupID.x);
-    Strip s = strip(gl_WorkGroupID.y, lane);
-    float nearest[ROWS] = float[ROWS](0.0, 0.0, 0.0, 0.0);
-    uint before[ROWS] = uint[ROWS](0u, 0u, 0u, 0u);
-    if (LONG_CUTS) {
-        before[0] = drawn_before(h, s, 0u, nearest[0]);
-        before[1] = drawn_before(h, s, 1u, nearest[1]);
-        before[2] = drawn_before(h, s, 2u, nearest[2]);
-        before[3] = drawn_before(h, s, 3u, nearest[3]);
-    }
-
-    // Nothing of this dispatch has won yet; what earlier ones drew wins over equals.
-    int winner[ROWS] = int[ROWS](0, 0, 0, 0);
+    start(h);
     for (uint first = 0u;;) {
-        uint touching = look_through(h, s, first);
-        uint rounds = greatest(uint(bitCount(touching)));
-        for (uint i = 0u;;) {
-            bool some = touching != 0u;
-            uint next = some ? uint(findLSB(touching)) : 0u;
-            touching &= touching - 1u;
-            uint place = first + next * LANES + lane;
-            Surfel mine = project(h, s.face, surfel_at(h, place), some);
-            mine.mark = int(place) + 1;
-            [[unroll]] for (uint k = 0u; k < LANES; k++) {
-                Surfel surfel = handed_round(mine, k);
-                // Not a loop: unrolling one, SPIRV-Tools forget what is `precise`.
-                draw(surfel, pixel_in(s, 0u), nearest[0], winner[0]);
-                draw(surfel, pixel_in(s, 1u), nearest[1], winner[1]);
-                draw(surfel, pixel_in(s, 2u), nearest[2], winner[2]);
-                draw(surfel, pixel_in(s, 3u), nearest[3], winner[3]);
-            }
-            if (++i >= rounds) {
+        uint touching[MOST_STRIPS];
+        look_through(h, first, touching);
+        for (uint k = 0u;;) {
+            draw_strip(h, k, first, touching[k]);
+            if (++k == STRIPS) {
                 break;
             }
         }
@@ -290,12 +356,10 @@ void main() {
             break;
         }
     }
-
-    [[unroll]] for (uint y = 0u; y < ROWS; y++) {
-        uvec2 pixel = s.corner + uvec2(lane, y);
-        int id = surfel_at(h, uint(max(winner[y] - 1, 0))) + 1;
-        if (in_face(s, pixel)) {
-            atlas.ids[texel(s, pixel)] = winner[y] == 0 ? before[y] : uint(id);
+    for (uint k = 0u;;) {
+        finish(h, k);
+        if (++k == STRIPS) {
+            break;
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The compute route: a workgroup for each strip of a hemicube's faces, whose ids go into a buffer
+//! The compute route: a workgroup for each hemicube, or for each part of a large one, whose ids go into a buffer
 //! (`shaders/gather.comp`).
 
 use super::buffers::{Buffer, visible};
@@ -20,9 +20,11 @@ const STAGE: vk::ShaderStageFlags = vk::ShaderStageFlags::COMPUTE;
 const IDS_BINDING: u32 = 3;
 /// Rows of pixels in a strip: `ROWS` in the shader.
 const STRIP_ROWS: u32 = 4;
-/// Surfels of a cut that one dispatch draws. lavapipe ends all loops of a workgroup after 65535 rounds, and with subgroups of
-/// eight this many surfels take half of them at most.
-const MOST_SURFELS: u32 = 1 << 17;
+/// Most strips of a workgroup: `MOST_STRIPS` in the shader.
+const MOST_STRIPS: u32 = 24;
+/// Surfels of a cut that one dispatch draws. lavapipe ends all loops of a workgroup after 65535 rounds; with subgroups of eight,
+/// each surfel takes an eighth of a round to look at and one for every strip that it touches.
+const MOST_SURFELS: u32 = 1 << 14;
 
 /// A hemicube as the shader reads it, in four texels.
 #[repr(C)]
@@ -116,7 +118,7 @@ pub(super) struct Compute {
     layout: Owned<vk::PipelineLayout>,
     bindings: Owned<vk::DescriptorSetLayout>,
     /// Workgroups a hemicube.
-    strips: u32,
+    parts: u32,
 }
 
 impl Compute {
@@ -131,11 +133,14 @@ impl Compute {
         let layout = pipeline_layout(context, bindings.raw)?;
         let cache = PipelineCache::open(context)?;
         let mut constants = constants(resolution).to_vec();
-        // After those that all shaders share: the subgroup's size, and how long cuts may be.
-        constants.extend([lanes, MOST_SURFELS, u32::from(surfels > MOST_SURFELS as usize)]);
+        let all = strips(resolution, lanes);
+        let strips = all.min(MOST_STRIPS);
+        let parts = all.div_ceil(strips);
+        // After those that all shaders share: the subgroup's size, how long cuts may be, and who draws which strips.
+        constants.extend([lanes, MOST_SURFELS, u32::from(surfels > MOST_SURFELS as usize), strips, parts]);
         let pipeline = pipeline(context, shape, &constants, layout.raw, &cache)?;
         cache.save(context);
-        Ok(Self { pipeline, layout, bindings, strips: strips(resolution, lanes) })
+        Ok(Self { pipeline, layout, bindings, parts })
     }
 
     /// Records the drawing.
@@ -171,7 +176,7 @@ impl Compute {
         unsafe {
             let constants = bytemuck::bytes_of(&constants);
             device.cmd_push_constants(commands, self.layout.raw, STAGE, 0, constants);
-            device.cmd_dispatch(commands, hemicubes as u32, self.strips, 1);
+            device.cmd_dispatch(commands, hemicubes as u32, self.parts, 1);
         }
     }
 }
@@ -218,6 +223,10 @@ impl Bindings {
         [hemicubes, cuts]: [&Buffer; 2],
         ids: vk::Buffer,
     ) -> VkResult<Self> {
+        if cuts.bytes().len() / size_of::<u32>() > context.limits.max_texel_buffer_elements as usize {
+            // Fewer hemicubes have fewer cuts.
+            return Err(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);
+        }
         let shape = if surfels.axes.is_some() { SurfelShape::Triangle } else { SurfelShape::Disc };
         let buffers = [Some(&surfels.splats), Some(cuts), Some(hemicubes), surfels.axes.as_ref()];
         let views = buffers

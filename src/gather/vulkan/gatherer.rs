@@ -150,6 +150,11 @@ impl VulkanGatherer {
         &self.context.info
     }
 
+    /// Whether it takes the compute route.
+    pub fn computes(&self) -> bool {
+        matches!(self.method, Method::Compute(_))
+    }
+
     /// Where the time went so far.
     pub fn stats(&self) -> GatherStats {
         self.stats

@@ -33,7 +33,7 @@ pub(super) enum Method {
 /// What a slot holds for its method, besides buffers.
 pub(super) enum Attachment {
     /// Images to draw into.
-    Targets(Targets),
+    Targets(Box<Targets>),
     /// The buffers as the compute shader sees them.
     Bindings(Bindings),
 }
@@ -76,7 +76,7 @@ impl Method {
     pub fn submits(&self) -> Vec<Range<usize>> {
         match self {
             Self::Raster(passes) => passes.iter().map(|pass| pass.faces.clone()).collect(),
-            Self::Compute(_) => vec![0..FACES],
+            Self::Compute(_) => std::iter::once(0..FACES).collect(),
         }
     }
 
@@ -124,7 +124,7 @@ impl Method {
         ids: vk::Buffer,
     ) -> VkResult<Attachment> {
         Ok(match self {
-            Self::Raster(passes) => Attachment::Targets(Targets::new(context, passes, layout)?),
+            Self::Raster(passes) => Attachment::Targets(Box::new(Targets::new(context, passes, layout)?)),
             Self::Compute(compute) => {
                 Attachment::Bindings(Bindings::new(context, compute, surfels, buffers, ids)?)
             }

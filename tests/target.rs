@@ -72,13 +72,13 @@ fn a_check_is_reported_and_changes_nothing() {
 
 #[test]
 fn an_error_that_is_asked_for_is_reached_the_same_way_every_time() {
-    let words = ["--device", "cpu", "--target-error", "4%"];
+    let words = ["--device", "cpu", "--target-error", "6%"];
     let first = run(&words);
     let target = &first.stats["target"];
     assert_eq!(keys(target), "error seconds kept grade options trials");
-    assert_eq!((&target["kept"], number(&target["error"]["asked"])), (&Value::Bool(true), 0.04));
+    assert_eq!((&target["kept"], number(&target["error"]["asked"])), (&Value::Bool(true), 0.06));
     let got = number(&target["error"]["got"]);
-    assert!(got < 1.5 * 0.04, "{target}");
+    assert!(got < 1.5 * 0.06, "{target}");
     assert_eq!(got, number(&first.stats["verify"]["relative_rms"]));
     assert!(first.said.contains("asked") && first.said.contains("predicted"), "{}", first.said);
     let again = run(&[&words[..], &["--threads", "1"]].concat());

@@ -1,5 +1,7 @@
 //! `--verify`, `--target-error` and `--time-budget`, as a user meets them.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
+
 #[path = "cli/support.rs"]
 #[allow(dead_code)] // Shared with the tests of the command line, which use other parts of it.
 mod support;
@@ -72,13 +74,13 @@ fn a_check_is_reported_and_changes_nothing() {
 
 #[test]
 fn an_error_that_is_asked_for_is_reached_the_same_way_every_time() {
-    let words = ["--device", "cpu", "--target-error", "4%"];
+    let words = ["--device", "cpu", "--target-error", "6%"];
     let first = run(&words);
     let target = &first.stats["target"];
     assert_eq!(keys(target), "error seconds kept grade options trials");
-    assert_eq!((&target["kept"], number(&target["error"]["asked"])), (&Value::Bool(true), 0.04));
+    assert_eq!((&target["kept"], number(&target["error"]["asked"])), (&Value::Bool(true), 0.06));
     let got = number(&target["error"]["got"]);
-    assert!(got < 1.5 * 0.04, "{target}");
+    assert!(got < 1.5 * 0.06, "{target}");
     assert_eq!(got, number(&first.stats["verify"]["relative_rms"]));
     assert!(first.said.contains("asked") && first.said.contains("predicted"), "{}", first.said);
     let again = run(&[&words[..], &["--threads", "1"]].concat());

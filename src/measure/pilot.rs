@@ -114,7 +114,7 @@ impl<F: Fn(Grade) -> Settings> Pilot<F> {
         }
         let next = match self.goal.error {
             // The best there is, only when the scene's own fit says that nothing less will do.
-            Some(_) if wanted > Grade::HIGHEST.number() && self.trials.len() > 1 => wanted,
+            Some(_) if wanted > Grade::HIGHEST.number() && self.is_known() => wanted,
             Some(_) => wanted.min(last.grade.number() + LONGEST_STEP),
             None => wanted,
         };
@@ -130,8 +130,12 @@ impl<F: Fn(Grade) -> Settings> Pilot<F> {
     /// Whether the error asked for is beyond what the scene's fit promises for any settings.
     pub fn out_of_reach(&self) -> bool {
         let best = self.error_at(Grade::HIGHEST);
-        let known = self.trials.len() > 1;
-        known && best.zip(self.goal.error).is_some_and(|(best, goal)| best > GOOD_ENOUGH * goal)
+        self.is_known() && best.zip(self.goal.error).is_some_and(|(best, goal)| best > GOOD_ENOUGH * goal)
+    }
+
+    /// Whether a fit is worth believing far away: two pictures often fall on a plateau between two steps.
+    fn is_known(&self) -> bool {
+        self.trials.len() > 2
     }
 
     /// Seconds that a picture is predicted to take.

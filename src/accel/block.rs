@@ -9,6 +9,10 @@ use glam::{Vec3, Vec3A};
 /// Barycentric slack of the triangle test: neighbours overlap by this instead of leaving a crack.
 const EDGE_SLACK: f32 = 2e-7;
 
+/// By how much farther away backs count than they are, in lengths of the ray's direction. Of two sheets in one place, back to
+/// back, a ray then meets the front, as if it came upon it first; rounding alone would decide otherwise.
+const BEHIND: f32 = 1e-6;
+
 /// A vector in each lane.
 type Vectors = [[f32; LANES]; 3];
 
@@ -108,8 +112,10 @@ impl Block {
         let t = dot(third, q) * inverse;
         let least = F::splat(-EDGE_SLACK);
         let inside = least.le(u).and(least.le(v)).and((u + v).le(F::splat(1.0 + EDGE_SLACK)));
-        let between = t.gt(F::splat(0.0)).and(F::splat(tmax).gt(t));
-        (inside.and(between).bits(), t.to_array())
+        let ahead = t.gt(F::splat(0.0));
+        let front = inverse.gt(F::splat(0.0));
+        let t = front.select(t, t + F::splat(BEHIND));
+        (inside.and(ahead).and(F::splat(tmax).gt(t)).bits(), t.to_array())
     }
 
     #[inline(never)]

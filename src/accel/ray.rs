@@ -6,9 +6,6 @@ use glam::{Vec3, Vec3A};
 /// Component of a direction below which its inverse is bounded, so that products with lengths stay finite.
 const SMALLEST: f32 = 1e-18;
 
-/// More than the rounding of a slab's far end, relative (Ize, "Robust BVH Ray Traversal", JCGT 2013).
-const FURTHER: f32 = 1.0 + 4e-7;
-
 /// A ray, its distances in lengths of its direction.
 #[derive(Debug, Clone, Copy)]
 pub struct Ray {
@@ -41,8 +38,6 @@ pub struct RayLanes<F> {
     pub direction: [F; 3],
     /// Inverse of the direction.
     pub inverse: [F; 3],
-    /// The same, a hair larger: for the far ends of slabs.
-    pub beyond: [F; 3],
     /// Which of a node's planes the ray meets first, axis by axis: the low ones are 0 to 2, the high ones 3 to 5.
     pub near: [usize; 3],
 }
@@ -57,7 +52,6 @@ impl<F: F32x8> RayLanes<F> {
             origin: vector(ray.origin.into()),
             direction: vector(ray.direction.into()),
             inverse: vector(inverse.into()),
-            beyond: vector(Vec3::from(inverse) * FURTHER),
             near: [0, 1, 2].map(|axis| if inverse[axis] < 0.0 { axis + 3 } else { axis }),
         }
     }

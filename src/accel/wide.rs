@@ -9,6 +9,9 @@ use crate::lanes::{F32x8, LANES, Mask8};
 use crate::scene::Scene;
 use obvhs::bvh2::Bvh2;
 
+/// More than the rounding of the distance at which a ray leaves a box, relative (Ize, "Robust BVH Ray Traversal", JCGT 2013).
+const FURTHER: f32 = 1.0 + 4e-7;
+
 /// Marks a child that is a block.
 const BLOCK: u32 = 1 << 31;
 
@@ -68,14 +71,15 @@ impl Node {
     /// The children whose boxes a ray meets before `tmax`, one bit each, and the distances to the boxes.
     #[inline(always)]
     pub fn enter<F: F32x8>(&self, ray: &RayLanes<F>, tmax: f32) -> (u32, [f32; LANES]) {
-        let (mut enter, mut leave) = (F::splat(0.0), F::splat(tmax));
+        let (mut enter, mut leave) = (F::splat(0.0), F::splat(f32::INFINITY));
         for axis in 0..3 {
             let near = ray.near[axis];
             let far = if near == axis { axis + 3 } else { axis };
             let (near, far) = (F::load(&self.planes[near]), F::load(&self.planes[far]));
             enter = enter.max((near - ray.origin[axis]) * ray.inverse[axis]);
-            leave = leave.min((far - ray.origin[axis]) * ray.beyond[axis]);
+            leave = leave.min((far - ray.origin[axis]) * ray.inverse[axis]);
         }
+        let leave = (leave * F::splat(FURTHER)).min(F::splat(tmax));
         (enter.le(leave).bits(), enter.to_array())
     }
 }
@@ -170,15 +174,25 @@ fn children(binary: &Bvh2, subtree: Subtree) -> Vec<Subtree> {
         children.swap_remove(largest);
         children.extend(halves.into_iter().flatten());
     }
-    let mut i = 0;
-    while i < children.len() && children.len() < LANES {
-        match children[i].halves(binary) {
-            Some(halves) if halves[0].area + halves[1].area < WORTH_DIVIDING * children[i].area => {
-                children.swap_remove(i);
-                children.extend(halves);
-            }
-            _ => i += 1,
+    while children.len() < LANES {
+        let gains = children.iter().map(|child| gain(binary, child)).enumerate();
+        let Some((best, gain)) = gains.max_by(|a, b| a.1.total_cmp(&b.1)) else { break };
+        if gain <= 0.0 {
+            break;
         }
+        let halves = children[best].halves(binary);
+        children.swap_remove(best);
+        children.extend(halves.into_iter().flatten());
     }
     children
+}
+
+/// What dividing a small leaf saves, as an area; above 0 if it is worth the room.
+fn gain(binary: &Bvh2, leaf: &Subtree) -> f32 {
+    let node = &binary.nodes[leaf.node as usize];
+    if leaf.few.is_none() || node.is_leaf() {
+        return 0.0;
+    }
+    let area = |i: u32| binary.nodes[(node.first_index + i) as usize].aabb().half_area();
+    WORTH_DIVIDING * leaf.area - area(0) - area(1)
 }

@@ -7,7 +7,7 @@ use crate::hemicube::frame::{MAX_RESOLUTION, MIN_RESOLUTION};
 use crate::progress::Reporter;
 use crate::run::Run;
 use crate::scene::{Camera, PunctualEmission, PunctualLight, Scene, SceneDescription, default_framing, load};
-use crate::settings::{BatchSize, Bounces, GatherMethod, Quality, Settings, SurfelDensity};
+use crate::settings::{BatchSize, Bounces, GatherMethod, Quality, Route, Settings, SurfelDensity};
 use crate::surfel::cloud::{SurfelCloud, SurfelShape};
 use clap::Args;
 use glam::{DVec3, Vec3};
@@ -116,6 +116,10 @@ pub struct TransportArgs {
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     pub gather_samples: Option<u32>,
 
+    /// How a Vulkan device draws hemicubes: auto, raster or compute (auto: software drivers compute small faces)
+    #[arg(long, value_name = "ROUTE", default_value = "auto")]
+    pub vulkan_route: Route,
+
     /// Hemicubes a batch
     #[arg(long, value_name = "N|auto", default_value = "auto")]
     pub batch: BatchSize,
@@ -210,6 +214,7 @@ impl TransportArgs {
             bounces: self.bounces,
             light_samples: self.light_samples.unwrap_or(quality.light_samples),
             gather_samples: self.gather_samples.unwrap_or(quality.gather_samples),
+            vulkan_route: self.vulkan_route,
             batch: self.batch,
             frames_in_flight: self.frames_in_flight,
             seed: self.seed,

@@ -156,17 +156,6 @@ impl std::ops::Mul<f32> for DirectLight {
     }
 }
 
-/// Irradiance of a small piece of surface, and what its shadow rays met.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct PieceLight {
-    /// Mean irradiance, W m-2.
-    pub irradiance: Vec3,
-    /// One bit for each light that some ray reached.
-    pub lit: u32,
-    /// One bit for each light that some ray did not reach.
-    pub shaded: u32,
-}
-
 #[derive(Debug, Clone)]
 enum Light {
     Polygon(PolygonLight),
@@ -298,23 +287,20 @@ impl Lights {
         point: &LitPoint,
         radius: f32,
         sampling: Sampling,
-    ) -> Option<PieceLight> {
+    ) -> Option<Vec3> {
         if self.exact.len() > OWN_RAYS_LIMIT || self.many.is_some() {
             return None;
         }
         let query = Query { accel, point, gloss: None };
         let local = Local::new(point);
         let Sampling { seed, stream, samples } = sampling;
-        let mut piece = PieceLight::default();
-        for (i, view) in self.views(&local) {
+        let of_light = |(i, view): (usize, View)| {
             let sequences = [0, u32::MAX].map(|purpose| Sequence::new(seed, stream, i as u32 ^ purpose));
-            let tally = shadow::from_disc(&query, &view, sequences, samples.max(1), radius);
-            let [lit, shaded] = tally.outcomes();
-            piece.irradiance += tally.shadowed(view.unshadowed).irradiance;
-            piece.lit |= u32::from(lit) << i;
-            piece.shaded |= u32::from(shaded) << i;
-        }
-        Some(piece)
+            shadow::from_disc(&query, &view, sequences, samples.max(1), radius)
+                .shadowed(view.unshadowed)
+                .irradiance
+        };
+        Some(self.views(&local).map(of_light).sum())
     }
 
     /// An unbiased estimate of the irradiance, W m-2, from one shadow ray (two rays beyond [`EXACT_LIMIT`] emitters), for

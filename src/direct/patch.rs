@@ -11,7 +11,7 @@ use std::cell::OnceCell;
 use std::f64::consts::PI;
 
 /// Solid angle below which a triangle is sampled by area, sr: the weights hardly vary, and spherical angles lose digits.
-const SMALL: f64 = 1e-3;
+const SMALL: f64 = 0.03;
 
 /// How far samples keep from the outline, relative to the polygon: one on the very edge could be cut off by the
 /// neighbouring surface through rounding.

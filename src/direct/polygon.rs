@@ -64,9 +64,7 @@ pub(super) fn lambert(corners: &[DVec3]) -> f64 {
 }
 
 fn edge(a: DVec3, b: DVec3) -> f64 {
-    let cross = a.cross(b);
-    let length = cross.length();
-    if length > 0.0 { length.atan2(a.dot(b)) * cross.z / length } else { 0.0 }
+    contour::arc(a, b).0.z
 }
 
 /// A convex polygon that emits.

@@ -34,8 +34,6 @@ pub(super) struct Tally {
     specular: Vec3,
     rays: u32,
     lit_rays: u32,
-    /// Rays whose light would have counted and was stopped.
-    blocked_rays: u32,
 }
 
 impl Tally {
@@ -45,20 +43,11 @@ impl Tally {
         let share = view.unshadowed * (sample.weight / probability);
         self.rays += 1;
         self.all += share;
-        if sample.weight > 0.0 {
-            if view.reached(query, &sample) {
-                self.lit_rays += 1;
-                self.arrived += share;
-                self.specular += sample.perpendicular * (query.lobe(sample.direction) / probability);
-            } else {
-                self.blocked_rays += 1;
-            }
+        if sample.weight > 0.0 && view.reached(query, &sample) {
+            self.lit_rays += 1;
+            self.arrived += share;
+            self.specular += sample.perpendicular * (query.lobe(sample.direction) / probability);
         }
-    }
-
-    /// Whether some ray reached the light, and whether some ray was stopped.
-    pub(super) fn outcomes(&self) -> [bool; 2] {
-        [self.lit_rays > 0, self.blocked_rays > 0]
     }
 
     /// Mean of what arrived: an unbiased estimate.

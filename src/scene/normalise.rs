@@ -1,15 +1,19 @@
 //! From the user's units to scene space.
 
-use super::{Normalisation, PunctualEmission, PunctualLight, Quadric, Scene, SceneDescription, Shape};
+use super::{
+    Material, Normalisation, PunctualEmission, PunctualLight, Quadric, Scene, SceneDescription, Shape,
+};
 use crate::error::Result;
 use glam::{Affine3A, DAffine3, DVec3, Vec3};
+use std::collections::HashSet;
 
 /// A triangle with less than half this area, scene units squared, is degenerate: in f32 its sides (1e-8 each, say) are
 /// below rounding and its normal is noise.
 const DEGENERATE: f64 = 1e-16;
 
 impl Scene {
-    /// Recentres, scales and flattens a description. Surfaces without area are dropped.
+    /// Recentres, scales and flattens a description. Surfaces without area are dropped, and so are emissive triangles that
+    /// repeat another: shadow rays would find their light twice.
     ///
     /// # Errors
     /// When no surface with an area is left.
@@ -31,8 +35,9 @@ impl Scene {
             .shapes
             .iter()
             .any(|s| matches!(s, Shape::Mesh { normals, .. } if !normals.is_empty()));
+        let mut emissive = Emissive::default();
         for shape in &description.shapes {
-            scene.push(shape, smooth);
+            scene.push(shape, smooth, &mut emissive);
         }
         if scene.primitive_count() == 0 {
             return Err(description.error("there is no geometry: every surface is degenerate"));
@@ -40,16 +45,14 @@ impl Scene {
         Ok(scene)
     }
 
-    fn push(&mut self, shape: &Shape, smooth: bool) {
+    fn push(&mut self, shape: &Shape, smooth: bool, emissive: &mut Emissive) {
         match shape {
             Shape::Mesh { positions, triangles, normals, materials } => {
                 for (i, corners) in triangles.iter().enumerate() {
-                    self.push_triangle(
-                        corners.map(|c| positions[c as usize]),
-                        normals.get(i).copied(),
-                        materials[i],
-                        smooth,
-                    );
+                    let corners = corners.map(|c| positions[c as usize]);
+                    if !emissive.repeats(corners, &self.materials[materials[i] as usize]) {
+                        self.push_triangle(corners, normals.get(i).copied(), materials[i], smooth);
+                    }
                 }
             }
             Shape::Sphere { transform, material } => {
@@ -80,6 +83,29 @@ impl Scene {
         if smooth {
             self.normals.push(normals.unwrap_or([flat; 3]));
         }
+    }
+}
+
+/// The emissive triangles that have come by, each by its corners, the lowest first.
+#[derive(Default)]
+struct Emissive(HashSet<[[u64; 3]; 3]>);
+
+impl Emissive {
+    /// Whether a triangle emits and is one that has come by before, from whichever corner it is listed; if both its sides
+    /// emit, in whichever order.
+    fn repeats(&mut self, corners: [DVec3; 3], material: &Material) -> bool {
+        if material.emission.max_element() <= 0.0 {
+            return false;
+        }
+        // Adding zero turns -0.0 into 0.0.
+        let mut bits = corners.map(|c| (c + DVec3::ZERO).to_array().map(f64::to_bits));
+        if material.two_sided {
+            bits.sort_unstable();
+        } else {
+            let lowest = (0..3).min_by_key(|&i| bits[i]).unwrap_or(0);
+            bits.rotate_left(lowest);
+        }
+        !self.0.insert(bits)
     }
 }
 

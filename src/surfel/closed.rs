@@ -23,6 +23,12 @@ const CROSSINGS: usize = 256;
 /// Not part of a closed surface.
 const OPEN: u32 = u32::MAX;
 
+/// Part of a closed surface that has no inside: two sheets in one place, back to back. Each hides the other's back.
+const SHEETS: u32 = u32::MAX - 1;
+
+/// Volume over the cube of the size below which a closed surface has no inside.
+const FLAT: f64 = 1e-9;
+
 /// Directions, about a receiver's normal, of the rays that count crossings. They are oblique to everything that a modeller
 /// would align, and the majority decides: a ray through an edge may count it twice.
 const DIRECTIONS: [Vec3; 3] = [
@@ -34,7 +40,7 @@ const DIRECTIONS: [Vec3; 3] = [
 /// Which primitives' backs are culled, and who must not rely on it.
 #[derive(Debug, Default)]
 pub struct ClosedTest {
-    /// Closed surface of each primitive, or `OPEN`; empty when there is none.
+    /// Closed surface of each primitive, `SHEETS` or `OPEN`; empty when there is none.
     surface: Vec<u32>,
     /// Whether each closed surface faces inwards, as a room does.
     inward: Vec<bool>,
@@ -78,7 +84,11 @@ impl ClosedTest {
             .collect();
         let mut test = Self { surface: vec![OPEN; scene.primitive_count()], ..Self::default() };
         for (component, _) in components.iter().zip(closed).filter(|(_, closed)| *closed) {
-            let id = test.add(component.low, component.high, component.volume < 0.0);
+            let id = if component.is_flat() {
+                SHEETS
+            } else {
+                test.add(component.low, component.high, component.volume < 0.0)
+            };
             component.triangles.iter().for_each(|&t| test.surface[t as usize] = id);
         }
         for (i, quadric) in scene.spheres.iter().chain(&scene.cuboids).enumerate() {
@@ -89,8 +99,9 @@ impl ClosedTest {
             test.surface[scene.triangles.len() + i] = test.add(centre - extent, centre + extent, false);
         }
         test.rooms = test.inward.iter().filter(|&&inward| inward).count();
-        test.encloses =
-            components.iter().any(|c| c.watertight && c.volume < 0.0 && test.culls(c.triangles[0]));
+        test.encloses = components
+            .iter()
+            .any(|c| c.watertight && !c.is_flat() && c.volume < 0.0 && test.culls(c.triangles[0]));
         test
     }
 
@@ -127,7 +138,7 @@ impl ClosedTest {
                     || left.iter().any(|&(s, n)| n > 0 && !self.inward[s as usize]);
             };
             let surface = self.surface[hit.primitive as usize];
-            if surface != OPEN {
+            if surface != OPEN && surface != SHEETS {
                 let change = if hit.front { -1 } else { 1 };
                 match left.iter_mut().find(|(s, _)| *s == surface) {
                     Some((_, n)) => *n += change,
@@ -224,6 +235,10 @@ impl Component {
             a.dot(b.cross(c)) / 6.0
         };
         self.volume = self.triangles.iter().map(volume).sum();
+    }
+
+    fn is_flat(&self) -> bool {
+        self.watertight && self.volume.abs() <= FLAT * f64::from((self.high - self.low).length()).powi(3)
     }
 
     fn two_sided(&self, scene: &Scene) -> bool {

@@ -11,8 +11,8 @@ use rayon::prelude::*;
 /// Distance to what lies on a surfel, in spacings, below which it is covered.
 const COVERED: f32 = 0.1;
 
-/// By side (`2 i` is the front of surfel `i`, `2 i + 1` its back): whether it is dark and inside a closed surface or covered
-/// by something.
+/// By side (`2 i` is the front of surfel `i`, `2 i + 1` its back): whether it is dark and covered by something, or looks at the
+/// inside of a closed surface. A dark room within the walls of a house is inside a closed surface, too, but looks at itself.
 pub fn hidden_sides(cloud: &SurfelCloud, accel: &Accel, closed: &ClosedTest) -> Vec<bool> {
     let sides = (0..2 * cloud.len() as u32).into_par_iter().with_min_len(256);
     sides.map(|side| is_hidden(cloud, side, accel, closed)).collect()
@@ -39,6 +39,10 @@ fn is_hidden(cloud: &SurfelCloud, side: u32, accel: &Accel, closed: &ClosedTest)
     let (position, normal) = (cloud.position[i], cloud.normal[i]);
     let normal = if back { -normal } else { normal };
     let near = COVERED * cloud.area[i].sqrt();
-    accel.occluded(offset_origin(position, normal, normal), normal, near)
-        || closed.receiver_inside(accel, position, normal)
+    let Some(opposite) = accel.closest_hit(offset_origin(position, normal, normal), normal, f32::INFINITY)
+    else {
+        return false;
+    };
+    let inside = !opposite.front && closed.culls(opposite.primitive);
+    opposite.t < near || (inside && closed.receiver_inside(accel, position, normal))
 }

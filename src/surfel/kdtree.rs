@@ -130,7 +130,12 @@ fn split(items: &mut [(Vec3, u32)], nodes: &mut [Node]) {
         .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &(p, _)| (low.min(p), high.max(p)));
     let axis = (high - low).max_position();
     let middle = items.len() / 2;
-    items.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
+    // To look the axis up in every comparison would cost as much as comparing.
+    match axis {
+        0 => items.select_nth_unstable_by(middle, |a, b| a.0.x.total_cmp(&b.0.x).then(a.1.cmp(&b.1))),
+        1 => items.select_nth_unstable_by(middle, |a, b| a.0.y.total_cmp(&b.0.y).then(a.1.cmp(&b.1))),
+        _ => items.select_nth_unstable_by(middle, |a, b| a.0.z.total_cmp(&b.0.z).then(a.1.cmp(&b.1))),
+    };
     *node = Node { at: items[middle].0[axis], axis: axis as u32 };
     let (left_nodes, right_nodes) = below.split_at_mut(below.len() / 2);
     let (left, right) = items.split_at_mut(middle);

@@ -2,15 +2,24 @@
 
 use super::cloud::{FLAG_TWO_SIDED, SurfelCloud};
 use crate::accel::{Accel, RAY_OFFSET};
-use crate::direct::{Emitters, Lights, LitPoint, PieceLight, Sampling};
+use crate::direct::sequence::Sequence;
+use crate::direct::{Emitters, LightAlone, Lights, LitPoint, Sampling};
 use crate::error::Result;
 use crate::interrupt;
+use crate::math::{Frame, disc_from_square};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
+use std::ops::Range;
 
 /// Shadow rays that look first whether a surfel is near the edge of a shadow.
-const FIRST_RAYS: u32 = 2;
+const FIRST_RAYS: usize = 2;
+
+/// Points of a light that are tried for them, as some may lie below the surfel's horizon.
+const TRIES: u32 = 6;
+
+/// Surfels that one task of a thread takes.
+const TOGETHER: usize = 256;
 
 /// Surfels before and after one in the list, mostly its neighbours in space, whose first rays must agree with its own.
 const NEIGHBOURS: usize = 6;
@@ -75,27 +84,58 @@ struct Shading<'a> {
 impl Shading<'_> {
     /// Direct light that each surfel reflects: albedo / pi times its irradiance.
     fn radiance(&self) -> Result<Vec<Vec3>> {
-        let surfels = 0..self.cloud.len();
-        let first: Vec<PieceLight> = surfels
-            .clone()
-            .into_par_iter()
-            .map(|i| interrupt::check().map(|()| self.light(i, FIRST_RAYS)))
-            .collect::<Result<_>>()?;
-        surfels
+        let first = self.first_looks()?;
+        (0..self.cloud.len())
             .into_par_iter()
             .map(|i| {
                 interrupt::check()?;
-                let near = i.saturating_sub(NEIGHBOURS)..(i + NEIGHBOURS + 1).min(first.len());
-                let (lit, shaded) = first[near].iter().fold((0, 0), |(l, s), f| (l | f.lit, s | f.shaded));
-                let seen = first[i].lit | first[i].shaded;
-                let light = if lit & shaded & seen == 0 || self.settings.samples <= FIRST_RAYS {
-                    first[i]
-                } else {
-                    self.light(i, self.settings.samples)
+                let irradiance = match first.get(i) {
+                    Some(look) if !look.disagrees(&first[around(i, first.len())]) => look.irradiance,
+                    _ => self.irradiance(i),
                 };
-                Ok(self.cloud.albedo[i] * FRAC_1_PI * light.irradiance)
+                Ok(self.cloud.albedo[i] * FRAC_1_PI * irradiance)
             })
             .collect()
+    }
+
+    /// What the first rays of all surfels tell; nothing where lights have no rays of their own.
+    fn first_looks(&self) -> Result<Vec<FirstLook>> {
+        let Some(lights) = self.lights.one_by_one(self.accel) else {
+            return Ok(Vec::new());
+        };
+        let lights: Vec<LightAlone> = lights.collect();
+        let mut looks = vec![FirstLook::default(); self.cloud.len()];
+        looks.par_chunks_mut(TOGETHER).enumerate().try_for_each(|(chunk, looks)| {
+            interrupt::check()?;
+            let first = chunk * TOGETHER;
+            let (indices, points): (Vec<usize>, Vec<LitPoint>) =
+                (0..looks.len()).filter_map(|i| Some((i, self.point(first + i)?))).unzip();
+            for light in &lights {
+                for ((&i, point), factor) in indices.iter().zip(&points).zip(light.unshadowed(&points)) {
+                    if factor > 0.0 {
+                        looks[i].add(light, factor, self.first_rays(light, first + i, point));
+                    }
+                }
+            }
+            Ok(())
+        })?;
+        Ok(looks)
+    }
+
+    /// Whether some ray to a light arrives, and whether some ray does not; both where nothing is found out.
+    fn first_rays(&self, light: &LightAlone, surfel: usize, point: &LitPoint) -> [bool; 2] {
+        let stream = self.stream(surfel);
+        let [towards, starts] =
+            [0, u32::MAX].map(|purpose| Sequence::new(self.settings.seed, stream, light.number ^ purpose));
+        let (frame, radius) = (Frame::from_normal(point.geometric_normal), self.inner_radius(surfel));
+        let ask = |ray: u32| {
+            let offset = disc_from_square(starts.point(ray)) * radius;
+            let position = point.position + frame.tangent * offset.x + frame.bitangent * offset.y;
+            light.probe(&LitPoint { position, ..*point }, towards.point(ray))
+        };
+        let answers = (0..TRIES).filter_map(ask).take(FIRST_RAYS);
+        let [lit, shaded] = answers.fold([false; 2], |[l, s], lit| [l | lit, s | !lit]);
+        if lit || shaded { [lit, shaded] } else { [true; 2] }
     }
 
     /// Whether a surfel's disc is part of its surface: on a hollow one shadow rays from the disc's rim would start behind it.
@@ -104,7 +144,7 @@ impl Shading<'_> {
         let (position, normal) = (cloud.position[surfel], cloud.normal[surfel]);
         let reach = ADJACENT * cloud.radius[surfel];
         let mut adjacent = 0;
-        for i in surfel.saturating_sub(NEIGHBOURS)..(surfel + NEIGHBOURS + 1).min(cloud.len()) {
+        for i in around(surfel, cloud.len()) {
             let offset = cloud.position[i] - position;
             if i == surfel || offset.length_squared() > reach * reach {
                 continue;
@@ -117,28 +157,78 @@ impl Shading<'_> {
         adjacent >= 2
     }
 
-    /// Light on a surfel by so many shadow rays a light.
-    fn light(&self, surfel: usize, samples: u32) -> PieceLight {
+    /// Where light falls on a surfel; `None` where none is reflected.
+    fn point(&self, surfel: usize) -> Option<LitPoint> {
         let cloud = self.cloud;
         let missing = self.side == Side::Back && cloud.flags[surfel] & FLAG_TWO_SIDED == 0;
-        if missing || cloud.albedo[surfel] == Vec3::ZERO {
-            return PieceLight::default();
-        }
-        // Each side has its own stream.
-        let (normal, stream) = match self.side {
-            Side::Front => (cloud.normal[surfel], surfel),
-            Side::Back => (-cloud.normal[surfel], cloud.len() + surfel),
+        let normal = match self.side {
+            Side::Front => cloud.normal[surfel],
+            Side::Back => -cloud.normal[surfel],
         };
-        let point = LitPoint::flat(cloud.position[surfel], normal);
-        let Shading { accel, lights, settings, .. } = self;
-        let sampling = Sampling { seed: settings.seed, stream: stream as u64, samples };
-        let radius =
-            if self.lies_flat(surfel) { inner_radius(cloud.area[surfel], cloud.radius[surfel]) } else { 0.0 };
-        lights.piece_irradiance(accel, &point, radius, sampling).unwrap_or_else(|| {
-            let sampling = Sampling { samples: settings.samples, ..sampling };
-            PieceLight { irradiance: lights.irradiance(accel, &point, sampling), lit: 0, shaded: 0 }
-        })
+        let reflects = !missing && cloud.albedo[surfel] != Vec3::ZERO;
+        reflects.then(|| LitPoint::flat(cloud.position[surfel], normal))
     }
+
+    /// Each side's own random numbers.
+    fn stream(&self, surfel: usize) -> u64 {
+        match self.side {
+            Side::Front => surfel as u64,
+            Side::Back => (self.cloud.len() + surfel) as u64,
+        }
+    }
+
+    /// Radius of the disc that shadow rays start from.
+    fn inner_radius(&self, surfel: usize) -> f32 {
+        match self.lies_flat(surfel) {
+            true => inner_radius(self.cloud.area[surfel], self.cloud.radius[surfel]),
+            false => 0.0,
+        }
+    }
+
+    /// Irradiance of a surfel by all its shadow rays.
+    fn irradiance(&self, surfel: usize) -> Vec3 {
+        let Some(point) = self.point(surfel) else {
+            return Vec3::ZERO;
+        };
+        let Shading { accel, lights, settings, .. } = self;
+        let sampling =
+            Sampling { seed: settings.seed, stream: self.stream(surfel), samples: settings.samples };
+        lights
+            .piece_irradiance(accel, &point, self.inner_radius(surfel), sampling)
+            .unwrap_or_else(|| lights.irradiance(accel, &point, sampling))
+    }
+}
+
+/// What a few rays told about a surfel.
+#[derive(Debug, Clone, Copy, Default)]
+struct FirstLook {
+    /// From the lights that rays reached, unshadowed.
+    irradiance: Vec3,
+    /// One bit for each light that some ray reached.
+    lit: u32,
+    /// One bit for each light that some ray did not reach.
+    shaded: u32,
+}
+
+impl FirstLook {
+    fn add(&mut self, light: &LightAlone, factor: f32, [lit, shaded]: [bool; 2]) {
+        self.lit |= u32::from(lit) << light.number;
+        self.shaded |= u32::from(shaded) << light.number;
+        if lit {
+            self.irradiance += light.colour() * factor;
+        }
+    }
+
+    /// Whether a light that shines here is seen by some surfels around and not by others.
+    fn disagrees(&self, around: &[Self]) -> bool {
+        let (lit, shaded) = around.iter().fold((0, 0), |(l, s), look| (l | look.lit, s | look.shaded));
+        lit & shaded & (self.lit | self.shaded) != 0
+    }
+}
+
+/// The surfels next to one in the list, and itself.
+fn around(surfel: usize, count: usize) -> Range<usize> {
+    surfel.saturating_sub(NEIGHBOURS)..(surfel + NEIGHBOURS + 1).min(count)
 }
 
 /// Radius of a disc that hardly leaves a surfel's share: half the width of the rectangle with this area whose corners the

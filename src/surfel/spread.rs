@@ -96,8 +96,18 @@ impl<'a> Surface<'a> {
                 return;
             }
         }
-        samples.select_nth_unstable_by(middle, |a, b| a.position[axis].total_cmp(&b.position[axis]));
+        select(samples, middle, axis);
     }
+}
+
+/// Orders samples about the one that shall be at `middle` along an axis.
+fn select(samples: &mut [Sample], middle: usize, axis: usize) {
+    // To look the axis up in every comparison would cost as much as comparing.
+    match axis {
+        0 => samples.select_nth_unstable_by(middle, |a, b| a.position.x.total_cmp(&b.position.x)),
+        1 => samples.select_nth_unstable_by(middle, |a, b| a.position.y.total_cmp(&b.position.y)),
+        _ => samples.select_nth_unstable_by(middle, |a, b| a.position.z.total_cmp(&b.position.z)),
+    };
 }
 
 /// The axis along which points extend furthest, and how far.

@@ -33,7 +33,8 @@ fn every_command_lists_all_of_its_options() {
     for (command, own) in [
         (
             "render",
-            "--output --width --height --samples --exposure --aov --stats --look-from --look-at --up --fov",
+            "--output --width --height --samples --exposure --aov --stats --look-from --look-at --up --fov --verify \
+             --target-error --time-budget",
         ),
         ("irradiance", "--emitters --only"),
         ("surfels", "--output --ascii"),

@@ -28,23 +28,29 @@ impl Gathering {
 
     /// Irradiance at points: what the hemicubes gather, and the direct light where the settings say that it is sampled.
     pub fn irradiance(&self, points: &[LitPoint], seed: u32) -> Vec<DVec3> {
-        let mut total: Vec<DVec3> = match self.settings.emitters {
-            Emitters::Sample => points.iter().zip(0..).map(|(p, stream)| self.direct(p, stream)).collect(),
-            Emitters::Gather => vec![DVec3::ZERO; points.len()],
-        };
+        let mut total = self.gathered(points, |_| seed);
+        if self.settings.emitters == Emitters::Sample {
+            total.iter_mut().zip(points).zip(0..).for_each(|((e, p), stream)| *e += self.direct(p, stream));
+        }
+        total
+    }
+
+    /// What the hemicubes gather at points; `seed` decides how the hemicube of each is turned.
+    pub fn gathered(&self, points: &[LitPoint], seed: impl Fn(usize) -> u32) -> Vec<DVec3> {
+        let mut total = vec![DVec3::ZERO; points.len()];
         if self.settings.gather == GatherMethod::None {
             return total;
         }
         let world = &self.world;
-        let receivers: Vec<Receiver> =
-            points.iter().map(|p| world.receiver(p.position, p.normal, seed)).collect();
+        let receiver = |(i, p): (usize, &LitPoint)| world.receiver(p.position, p.normal, seed(i));
+        let receivers: Vec<Receiver> = points.iter().enumerate().map(receiver).collect();
         let mut gatherer = world.gatherer(&self.settings).expect("a device");
         let ordered = world.order(&receivers, &self.settings, gatherer.batch_size());
         let convolver = world.convolver();
         gather_all(gatherer.as_mut(), ordered.batches, &Run::default(), |gathered| {
             let order = &ordered.order[gathered.batch.first..];
             let found = order.iter().zip(convolve(gathered, &convolver));
-            found.for_each(|(&i, e)| total[i as usize] += e.irradiance.as_dvec3());
+            found.for_each(|(&i, e)| total[i as usize] = e.irradiance.as_dvec3());
             Ok(())
         })
         .expect("the device works");

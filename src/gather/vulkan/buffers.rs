@@ -83,11 +83,11 @@ impl Buffer {
         self.handle.raw
     }
 
-    /// The barrier after which the host sees what the device wrote with `access`.
-    pub fn visible_to_host(&self, access: vk::AccessFlags) -> vk::BufferMemoryBarrier<'static> {
+    /// A barrier between accesses to the whole buffer.
+    pub fn barrier(&self, from: vk::AccessFlags, to: vk::AccessFlags) -> vk::BufferMemoryBarrier<'static> {
         vk::BufferMemoryBarrier::default()
-            .src_access_mask(access)
-            .dst_access_mask(vk::AccessFlags::HOST_READ)
+            .src_access_mask(from)
+            .dst_access_mask(to)
             .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
             .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
             .buffer(self.raw())

@@ -1,7 +1,7 @@
 //! Batches in, ids out, several batches under way at once.
 
 use super::buffers::Buffer;
-use super::compute::write_tasks;
+use super::compute::{Computing, write_tasks};
 use super::context::{Context, out_of_memory};
 use super::devices::{DeviceInfo, DeviceKind};
 use super::draws::{Draws, splats_drawn};
@@ -117,6 +117,11 @@ impl VulkanGatherer {
     /// The device.
     pub fn device(&self) -> &DeviceInfo {
         &self.context.info
+    }
+
+    /// Whether it takes the compute route.
+    pub fn computes(&self) -> bool {
+        matches!(self.method, Method::Compute(_))
     }
 
     /// Where the time went so far.
@@ -238,7 +243,9 @@ impl VulkanGatherer {
                 rasterise(context, slot, &drawing);
             }
             (Method::Compute(compute), Attachment::Bindings(bindings)) => {
-                compute.record(context, slot.commands, bindings, (receivers.len(), layout), &slot.readback);
+                let (ids, hemicubes) = (&slot.readback, receivers.len());
+                let computing = Computing { bindings, ids, draws: &draws, hemicubes, layout };
+                compute.record(context, slot.commands, &computing);
             }
             // A slot's attachment is its method's.
             _ => {}

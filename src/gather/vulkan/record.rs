@@ -123,7 +123,7 @@ fn draw_splats(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
 fn copy(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
     let (device, commands) = (&context.device, slot.commands);
     let regions = regions(drawing);
-    let visible = [slot.readback.visible_to_host(vk::AccessFlags::TRANSFER_WRITE)];
+    let visible = [slot.readback.barrier(vk::AccessFlags::TRANSFER_WRITE, vk::AccessFlags::HOST_READ)];
     // SAFETY: the command buffer is recording, outside a render pass; the pass left the image in this layout, and the
     // buffer holds a whole atlas.
     unsafe {

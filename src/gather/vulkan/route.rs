@@ -58,7 +58,9 @@ impl Method {
         settings: &VulkanSettings,
     ) -> Result<Self> {
         let method = match choose(context, surfels, settings)? {
-            Some(lanes) => Compute::new(context, shape, settings.resolution, lanes).map(Self::Compute),
+            Some(lanes) => {
+                Compute::new(context, shape, surfels, [settings.resolution, lanes]).map(Self::Compute)
+            }
             None => passes(context, shape, settings).map(Self::Raster),
         };
         method.map_err(|result| context.error("building the hemicube pipeline", result))

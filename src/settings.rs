@@ -146,7 +146,7 @@ pub struct Settings {
     pub vulkan_route: Route,
     /// Hemicubes a batch.
     pub batch: BatchSize,
-    /// Batches under way at once.
+    /// Batches under way at once; 0: as many as keep the device busy.
     pub frames_in_flight: usize,
     /// Seed of all random choices.
     pub seed: u32,
@@ -176,7 +176,7 @@ impl Default for Settings {
             samples: 1,
             vulkan_route: Route::Auto,
             batch: BatchSize::Auto,
-            frames_in_flight: 3,
+            frames_in_flight: 0,
             seed: 0,
             diagnostics: false,
             reflected: false,

@@ -211,8 +211,13 @@ fn two_devices_draw_the_same_ids_and_validation_is_silent() {
     for batch in [1, 64, 1024] {
         let batch_size = BatchSize::Fixed(batch);
         let open = |route| {
-            let settings =
-                VulkanSettings { batch: batch_size, route, validation: true, ..Default::default() };
+            let settings = VulkanSettings {
+                batch: batch_size,
+                frames_in_flight: 3,
+                route,
+                validation: true,
+                ..Default::default()
+            };
             VulkanGatherer::new(device, &splats, SurfelShape::Disc, settings).unwrap()
         };
         let members = Vec::from(ROUTES.map(open));

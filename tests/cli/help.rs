@@ -33,7 +33,7 @@ fn every_command_lists_all_of_its_options() {
     for (command, own) in [
         (
             "render",
-            "--output --width --height --samples --exposure --aov --stats --look-from --look-at --up --fov --verify \
+            "--output --width --height --samples --exposure --aov --stats --timeline --look-from --look-at --up --fov --verify \
              --target-error --time-budget",
         ),
         ("irradiance", "--emitters --only"),
@@ -43,6 +43,11 @@ fn every_command_lists_all_of_its_options() {
         assert_lists(command, &expected);
     }
     assert_lists("compare", "--diff --mask --max-mae --max-relmse --json --help --version");
+    assert_lists(
+        "latency",
+        "--device --face-resolution --surfels --lod --effort --largest-batch --simulate-link --simulate-speed --json --plot --threads \
+         --validate --look-from --look-at --up --fov --quiet --verbose --help --version",
+    );
     assert_lists("devices", "--verbose --help --version");
     assert_lists("sweep", SWEEP);
 }
@@ -59,7 +64,8 @@ fn assert_lists(command: &str, options: &str) {
 #[test]
 fn the_overview_names_all_commands_and_exit_codes() {
     let help = surflux(&["--help"]).expect(0).stdout;
-    for word in ["render", "irradiance", "surfels", "compare", "sweep", "devices", "0 done", "130"] {
+    for word in ["render", "irradiance", "surfels", "compare", "sweep", "latency", "devices", "0 done", "130"]
+    {
         assert!(help.contains(word), "{word}: {help}");
     }
 }

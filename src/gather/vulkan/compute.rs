@@ -1,7 +1,7 @@
-//! The compute route: a workgroup for each hemicube, or for each part of a large one, whose ids go straight into the readback
-//! buffer (`shaders/gather.comp`).
+//! The compute route: a workgroup for each hemicube, or for each part of a large one, whose ids go into a buffer
+//! (`shaders/gather.comp`).
 
-use super::buffers::Buffer;
+use super::buffers::{Buffer, visible};
 use super::context::Context;
 use super::draws::Draws;
 use super::owned::Owned;
@@ -81,7 +81,7 @@ pub(super) struct Computing<'a> {
     /// The slot's buffers as the shader sees them.
     pub bindings: &'a Bindings,
     /// Where the ids go.
-    pub ids: &'a Buffer,
+    pub ids: vk::Buffer,
     /// What the hemicubes draw.
     pub draws: &'a Draws,
     /// Number of hemicubes.
@@ -143,7 +143,7 @@ impl Compute {
         Ok(Self { pipeline, layout, bindings, parts })
     }
 
-    /// Records the drawing; afterwards the host may read the ids.
+    /// Records the drawing.
     pub fn record(&self, context: &Context, commands: vk::CommandBuffer, computing: &Computing<'_>) {
         let (device, bind_point) = (&context.device, vk::PipelineBindPoint::COMPUTE);
         // SAFETY: the command buffer is recording; all objects belong to the device and outlive the submit, which the slot's
@@ -157,8 +157,9 @@ impl Compute {
         for drawn in (0..longest.max(1)).step_by(MOST_SURFELS as usize) {
             let (columns, rows) = (computing.layout.columns, computing.layout.rows);
             self.dispatch(context, commands, Dispatch { columns, rows, drawn }, computing.hemicubes);
-            let last = longest - drawn.min(longest) <= MOST_SURFELS;
-            hand_over(context, commands, computing.ids, last);
+            if longest.saturating_sub(drawn) > MOST_SURFELS {
+                go_on(context, commands, computing.ids);
+            }
         }
     }
 
@@ -180,20 +181,13 @@ impl Compute {
     }
 }
 
-/// The host reads what the last dispatch wrote; every other goes on where the one before it ended.
-fn hand_over(context: &Context, commands: vk::CommandBuffer, ids: &Buffer, last: bool) {
-    use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
-    let (reader, access) = match last {
-        true => (Stage::HOST, Access::HOST_READ),
-        false => (Stage::COMPUTE_SHADER, Access::SHADER_READ | Access::SHADER_WRITE),
-    };
-    let barriers = [ids.barrier(Access::SHADER_WRITE, access)];
+/// Lets a dispatch go on where the one before it ended.
+fn go_on(context: &Context, commands: vk::CommandBuffer, ids: vk::Buffer) {
+    let (stage, written) = (vk::PipelineStageFlags::COMPUTE_SHADER, vk::AccessFlags::SHADER_WRITE);
+    let barriers = [visible(ids, written, vk::AccessFlags::SHADER_READ | written)];
     let none = vk::DependencyFlags::empty();
     // SAFETY: the command buffer is recording, and the buffer outlives the submit.
-    unsafe {
-        let device = &context.device;
-        device.cmd_pipeline_barrier(commands, Stage::COMPUTE_SHADER, reader, none, &[], &barriers, &[]);
-    }
+    unsafe { context.device.cmd_pipeline_barrier(commands, stage, stage, none, &[], &barriers, &[]) };
 }
 
 /// Strips that cover all faces.
@@ -226,7 +220,8 @@ impl Bindings {
         context: &Arc<Context>,
         compute: &Compute,
         surfels: &SplatBuffers,
-        [hemicubes, cuts, ids]: [&Buffer; 3],
+        [hemicubes, cuts]: [&Buffer; 2],
+        ids: vk::Buffer,
     ) -> VkResult<Self> {
         if cuts.bytes().len() / size_of::<u32>() > context.limits.max_texel_buffer_elements as usize {
             // Fewer hemicubes have fewer cuts.
@@ -280,10 +275,10 @@ fn write_set(
     set: vk::DescriptorSet,
     shape: SurfelShape,
     views: &[Owned<vk::BufferView>],
-    ids: &Buffer,
+    ids: vk::Buffer,
 ) {
     let raw: Vec<[vk::BufferView; 1]> = views.iter().map(|view| [view.raw]).collect();
-    let ids = [vk::DescriptorBufferInfo::default().buffer(ids.raw()).range(vk::WHOLE_SIZE)];
+    let ids = [vk::DescriptorBufferInfo::default().buffer(ids).range(vk::WHOLE_SIZE)];
     let mut writes = vec![
         vk::WriteDescriptorSet::default()
             .dst_set(set)

@@ -15,13 +15,15 @@
 //! | `devices.rs`, `capabilities.rs` | what devices there are, what each is good for, and what it has |
 //! | `context.rs`, `owned.rs` | the logical device; handles that destroy themselves |
 //! | `buffers.rs`, `images.rs` | memory |
+//! | `memory.rs`, `readback.rs`, `streaming.rs` | the way of ids to the host |
 //! | `route.rs` | the two routes, and which a device takes |
 //! | `vertices.rs`, `pass.rs`, `targets.rs` | the raster route: what the shaders read, render pass and pipeline, images |
 //! | `compute.rs` | the compute route: pipeline, bindings, dispatches |
 //! | `slot.rs`, `record.rs` | what one frame in flight owns; its commands |
 //! | `pipeline_cache.rs` | compiled pipelines, kept between runs |
 //! | `draws.rs` | which surfels each hemicube draws |
-//! | `pace.rs` | how many hemicubes go into one submit |
+//! | `pace.rs` | how many hemicubes go into one submit, and how many batches are under way |
+//! | `clock.rs` | the device's timestamps on the host's clock |
 //! | `gatherer.rs` | the [`Gatherer`](super::Gatherer) |
 //!
 //! **Synchronisation.** One queue. A slot is used again only after its fence; inside a submit, the render pass's outgoing
@@ -30,6 +32,7 @@
 
 mod buffers;
 mod capabilities;
+mod clock;
 mod compute;
 mod context;
 mod devices;
@@ -39,14 +42,17 @@ mod images;
 mod instance;
 #[cfg(test)]
 mod interface_tests;
+mod memory;
 mod owned;
 mod pace;
 mod pass;
 mod pipeline_cache;
+mod readback;
 mod record;
 mod route;
 mod settings;
 mod slot;
+mod streaming;
 mod targets;
 mod validation;
 mod vertices;
@@ -54,5 +60,6 @@ mod vertices;
 pub use capabilities::{Capabilities, Heap, Limit, MemoryType, bytes};
 pub use devices::{DeviceInfo, DeviceKind, list_devices};
 pub use gatherer::VulkanGatherer;
+pub use memory::MemoryPath;
 pub use settings::{BatchSize, FacesPerPass, GatherStats, Route, VulkanSettings};
 pub use validation::ValidationLog;

@@ -33,6 +33,17 @@ pub enum Half {
     B,
 }
 
+/// Which light of a pixel is estimated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// What surfaces reflect: all but what emitters and the background send straight to the camera.
+    Reflected,
+    /// What surfaces reflect of light that has been reflected before.
+    Indirect,
+    /// Everything.
+    Whole,
+}
+
 /// Sums over the samples of a pixel.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct PixelSum {
@@ -42,13 +53,14 @@ pub struct PixelSum {
     pub squares: DVec3,
 }
 
-/// Estimates the reflected radiance of pixels: what emitters and the background send straight to the camera is left out.
+/// Estimates the radiance of pixels, or a part of it; as long as nothing else is asked for, what surfaces reflect.
 pub struct PixelPaths<'a> {
     world: &'a World,
     view: &'a View,
     /// Follows paths from the second vertex on; `None` where no indirect light is asked for.
     indirect: Option<MonteCarloGatherer<'a>>,
     emitters: Emitters,
+    part: Part,
     seed: u32,
 }
 
@@ -61,7 +73,12 @@ impl<'a> PixelPaths<'a> {
         let unlit = settings.bounces == Bounces::Count(0) && settings.emitters == Emitters::Sample;
         let none = settings.gather == GatherMethod::None || unlit;
         let indirect = (!none).then(|| MonteCarloGatherer::new(&world.accel, &world.lights, rays));
-        Self { world, view, indirect, emitters: settings.emitters, seed }
+        Self { world, view, indirect, emitters: settings.emitters, part: Part::Reflected, seed }
+    }
+
+    /// The same, for some part of the light.
+    pub fn of(self, part: Part) -> Self {
+        Self { part, ..self }
     }
 
     /// Sums a range of one half's samples of a pixel, counted row by row. A prefix of a power of two samples is spread evenly, and
@@ -81,12 +98,27 @@ impl<'a> PixelPaths<'a> {
         let spread = |purpose: Purpose| Sequence::new(self.seed, stream, purpose as u32).point(sample);
         let place = if self.view.samples > 1 { spread(Purpose::Place) } else { Vec2::splat(0.5) };
         let first = u64::from(pixel) * u64::from(self.view.samples);
-        let Some(point) = self.view.trace_within(&self.world.accel, first, place).filter(|p| !p.black) else {
-            return Vec3::ZERO;
+        let scene = &self.world.scene;
+        let Some(point) = self.view.trace_within(&self.world.accel, first, place) else {
+            return if self.part == Part::Whole { scene.background } else { Vec3::ZERO };
         };
+        if point.black {
+            return Vec3::ZERO;
+        }
         let mut rng = Rng::new(hash32(self.seed ^ sample), stream);
         let light = LightChoice { choice: spread(Purpose::Light).x, u: spread(Purpose::PointOfLight) };
-        self.direct(&point, light, &mut rng) + self.reflected(&point, spread(Purpose::Direction), &mut rng)
+        let direct = match self.part {
+            Part::Indirect => Vec3::ZERO,
+            Part::Reflected => self.direct(&point, light, &mut rng),
+            Part::Whole => self.direct(&point, light, &mut rng) + self.shown(&point),
+        };
+        direct + self.reflected(&point, spread(Purpose::Direction), &mut rng)
+    }
+
+    /// What a surface shows without any light on it.
+    fn shown(&self, point: &ShadingPoint) -> Vec3 {
+        let material = &self.world.scene.materials[point.material as usize];
+        material.emission + material.ambient
     }
 
     fn direct(&self, point: &ShadingPoint, light: LightChoice, rng: &mut Rng) -> Vec3 {

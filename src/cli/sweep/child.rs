@@ -131,5 +131,9 @@ fn failure(job: &Job, status: ExitStatus, child: &mut Child) -> Error {
     let _ = child.stderr.take().map(|mut stderr| stderr.read_to_string(&mut said));
     let said = said.trim().trim_start_matches("surflux: ");
     let message = format!("{}: {status}: {said}", job.command());
-    if status.code() == Some(2) { Error::Usage(message) } else { Error::Failed(message) }
+    match status.code() {
+        Some(2) => Error::Usage(message),
+        Some(130) => Error::Interrupted,
+        _ => Error::Failed(message),
+    }
 }

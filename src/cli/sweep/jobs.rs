@@ -9,6 +9,8 @@ use crate::measure::sweep::plan::{Candidate, Setting, Vary, combine};
 use crate::settings::{Quality, Settings};
 use clap::ValueEnum;
 use serde_json::{Map, Value};
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::path::Path;
 
 /// A render to be made, or known already.
@@ -41,7 +43,6 @@ impl Job {
 /// A candidate with its quality and its settings.
 pub struct Resolved {
     quality: Quality,
-    is_named: bool,
     candidate: Candidate,
     settings: Settings,
 }
@@ -49,38 +50,52 @@ pub struct Resolved {
 /// All that the command line asks for, with repetitions; wrong settings and absent devices are found here.
 pub fn candidates(args: &SweepArgs) -> Result<Vec<Resolved>> {
     let named = Quality::value_variants().iter().filter(|_| !args.only_listed);
-    let named = named.map(|&quality| (quality, true, Candidate::default()));
+    let named = named.map(|&quality| (quality, Candidate::default()));
     let listed = combine(args.vary, &args.lists.chosen(args.vary))?;
-    let listed = listed.into_iter().map(|candidate| (args.quality, false, candidate));
-    named
-        .chain(listed)
-        .map(|(quality, is_named, candidate)| resolved(args, quality, is_named, candidate))
-        .collect()
+    let listed = listed.into_iter().map(|candidate| (args.quality, candidate));
+    let resolved = named.chain(listed).map(|(quality, candidate)| {
+        let settings = resolve(&transport_words(args, quality, &candidate))?;
+        Ok(Resolved { quality, candidate, settings })
+    });
+    let resolved = resolved.collect::<Result<Vec<Resolved>>>()?;
+    check_devices(&resolved)?;
+    Ok(resolved)
 }
 
-fn resolved(args: &SweepArgs, quality: Quality, is_named: bool, candidate: Candidate) -> Result<Resolved> {
-    let settings = resolve(&transport_words(args, quality, &candidate))?;
-    choose_device(&settings)?;
-    Ok(Resolved { quality, is_named, candidate, settings })
+/// Finds absent devices before hours of work.
+fn check_devices(candidates: &[Resolved]) -> Result<()> {
+    let mut known = Vec::new();
+    for Resolved { settings, .. } in candidates {
+        if !known.contains(&(settings.gather, &settings.device)) {
+            choose_device(settings)?;
+            known.push((settings.gather, &settings.device));
+        }
+    }
+    Ok(())
 }
 
 /// The jobs: what has the same settings is rendered once.
 pub fn distinct(args: &SweepArgs, candidates: Vec<Resolved>, judge: &Judge) -> Vec<Job> {
     let mut jobs: Vec<Job> = Vec::new();
+    let mut places = HashMap::new();
     for resolved in candidates {
         let job = job(args, resolved, judge);
-        match jobs.iter_mut().find(|known| known.key == job.key) {
-            None => jobs.push(job),
+        match places.entry(job.key.clone()) {
+            Entry::Vacant(place) => {
+                place.insert(jobs.len());
+                jobs.push(job);
+            }
             // Where settings vary one at a time, the quality that they vary is part of every list.
-            Some(known) if args.vary != Vary::Each => known.varied = job.varied,
-            Some(_) => {}
+            Entry::Occupied(place) if args.vary != Vary::Each => jobs[*place.get()].varied = job.varied,
+            Entry::Occupied(_) => {}
         }
     }
     jobs
 }
 
 fn job(args: &SweepArgs, resolved: Resolved, judge: &Judge) -> Job {
-    let Resolved { quality, is_named, candidate, settings } = resolved;
+    let Resolved { quality, candidate, settings } = resolved;
+    let is_named = candidate.words.is_empty();
     let device = candidate.words.iter().find(|(setting, _)| *setting == Setting::Device);
     let settings = to_json(&settings, device.map_or("auto", |(_, device)| device));
     let mut words = picture_words(args, judge.size());

@@ -123,10 +123,10 @@ fn render(
     cache: Option<&[PathBuf; 2]>,
     reporter: &Reporter,
 ) -> Result<Reference> {
-    let refereed = referee::render(scene, camera, settings, reporter)?;
-    let (reference, passes) = (refereed.reference, refereed.passes);
+    let (reference, paths) = referee::render(scene, camera, settings, reporter)?;
     let noise = reference.noise();
-    reporter.info(&format!("reference: two halves of {passes} passes, relMSE of its noise {noise:.1e}"));
+    reporter
+        .info(&format!("reference: two halves of {paths} paths a pixel, relMSE of its noise {noise:.1e}"));
     if noise > settings.noise {
         reporter
             .warn("the reference stays noisier than asked; the errors' standard errors tell what that means");

@@ -191,13 +191,13 @@ fn setting_axis(setting: Setting, values: &[String]) -> Axis {
     let format = format_of(setting);
     if numbers.len() < values.len() {
         let ticks = values.iter().enumerate().map(|(i, value)| (i as f64, value.clone())).collect();
-        return Axis { ticks, ..Axis::new(setting.name(), Scale::Linear, format) };
+        return Axis { ticks, ..Axis::new(setting.quantity(), Scale::Linear, format) };
     }
     let ticks = match numbers.len() {
         0..=MOST_TICKS => numbers.iter().map(|&value| (value, format.words(value))).collect(),
         _ => Vec::new(),
     };
-    Axis { ticks, ..Axis::new(setting.name(), Scale::Log, format) }
+    Axis { ticks, ..Axis::new(setting.quantity(), Scale::Log, format) }
 }
 
 /// Lines of at least two records that agree in everything but a setting, and what goes together with it.

@@ -76,6 +76,19 @@ impl Setting {
         self.option().trim_start_matches('-').replace('-', " ")
     }
 
+    /// The quantity with its unit, for axes.
+    pub fn quantity(self) -> String {
+        let unit = match self {
+            Self::FaceResolution | Self::Lod => ", hemicube pixels",
+            Self::SurfelSpacing => ", scene units",
+            Self::NearField => ", radii",
+            Self::Interpolate => ", tolerance",
+            Self::LightSamples | Self::GatherSamples | Self::Samples => ", rays",
+            Self::Gather | Self::Device | Self::Surfels | Self::Bounces => "",
+        };
+        self.name() + unit
+    }
+
     /// The setting with a key.
     pub fn from_key(key: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|setting| setting.key() == key)

@@ -59,6 +59,9 @@ fn parts(rows: &[Row]) -> String {
         }
     }
     let named: Vec<Row> = rows.iter().filter(|row| row.record.quality.is_some()).copied().collect();
+    if named.is_empty() {
+        return text;
+    }
     let records: Vec<Record> = named.iter().map(|row| row.record.clone()).collect();
     text + &part(&by_time(named), &distinguishing(&records))
 }

@@ -6,7 +6,7 @@
 //! `cargo bench --bench gathers -- N...` draws N x N faces instead of 8 x 8.
 //!
 //! With `SURFLUX_BENCH_DEVICE` set (to what `--device` takes), that Vulkan device draws instead, once and as two devices that
-//! take turns, at the points of the picture's middle quarter and in our order.
+//! take turns, at the points of the picture's middle quarter and in our order. `SURFLUX_BENCH_ROUTE` is what `--vulkan-route` takes.
 
 use glam::DVec3;
 use std::ops::Range;
@@ -22,7 +22,7 @@ use surflux::hemicube::frame::Receiver;
 use surflux::math::hash32;
 use surflux::run::Run;
 use surflux::scene::{Camera, Scene, load};
-use surflux::settings::Settings;
+use surflux::settings::{Route, Settings};
 use surflux::shading::indirect::convolve;
 use surflux::shading::points::View;
 use surflux::surfel::tree::CutSettings;
@@ -67,7 +67,9 @@ fn vulkan_rows(device: &str, world: &World, settings: &Settings) -> Result<()> {
     let Chosen::Vulkan(index) = choose(&request)?.device else { return Ok(()) };
     let receivers = shading_points(world, PICTURE * 3 / 8..PICTURE * 5 / 8)?;
     let drawables = &world.drawables;
-    let vulkan = VulkanSettings { resolution: settings.face_resolution, ..VulkanSettings::default() };
+    let route = std::env::var("SURFLUX_BENCH_ROUTE").map_or(Ok(Route::Auto), |route| route.parse())?;
+    let resolution = settings.face_resolution;
+    let vulkan = VulkanSettings { resolution, route, ..VulkanSettings::default() };
     let open = |_| VulkanGatherer::new(index, &drawables.splats, drawables.shape, vulkan);
     for (name, devices) in [("one device", 1), ("two devices", 2)] {
         row(name, world, settings, &receivers, compact_order, || {

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use surflux::error::Result;
 use surflux::gather::cpu::{CpuGatherer, CpuSettings};
 use surflux::gather::device::{Chosen, DeviceRequest, choose};
-use surflux::gather::vulkan::{BatchSize, FacesPerPass, VulkanGatherer, VulkanSettings};
+use surflux::gather::vulkan::{BatchSize, FacesPerPass, Route, VulkanGatherer, VulkanSettings};
 use surflux::gather::{Batch, Gatherer};
 use surflux::hemicube::frame::Receiver;
 use surflux::math::Rng;
@@ -22,14 +22,16 @@ const REPEATS: usize = 3;
 /// A way to draw hemicubes.
 struct Strategy {
     name: &'static str,
+    route: Route,
     faces: FacesPerPass,
     batch: BatchSize,
     frames_in_flight: usize,
 }
 
-const STRATEGIES: [Strategy; 6] = [
+const STRATEGIES: [Strategy; 7] = [
     Strategy {
         name: "one face a submit and readback (thesis)",
+        route: Route::Raster,
         faces: FacesPerPass::One,
         batch: BatchSize::Fixed(1),
         frames_in_flight: 1,
@@ -39,10 +41,11 @@ const STRATEGIES: [Strategy; 6] = [
     strategy("256 a batch, 3 in flight", BatchSize::Fixed(256), 3),
     strategy("1024 a batch, 3 in flight", BatchSize::Fixed(1024), 3),
     strategy("automatic batch, 3 in flight", BatchSize::Auto, 3),
+    Strategy { route: Route::Compute, ..strategy("compute route, automatic batch", BatchSize::Auto, 3) },
 ];
 
 const fn strategy(name: &'static str, batch: BatchSize, frames_in_flight: usize) -> Strategy {
-    Strategy { name, faces: FacesPerPass::All, batch, frames_in_flight }
+    Strategy { name, route: Route::Raster, faces: FacesPerPass::All, batch, frames_in_flight }
 }
 
 fn main() -> Result<()> {
@@ -64,6 +67,7 @@ fn vulkan(index: usize, splats: &[Splat], strategy: &Strategy) -> Result<Box<dyn
     let settings = VulkanSettings {
         batch: strategy.batch,
         frames_in_flight: strategy.frames_in_flight,
+        route: strategy.route,
         faces: strategy.faces,
         ..Default::default()
     };

@@ -1,9 +1,11 @@
-// One hemicube a workgroup, which is one subgroup. Lanes take turns at two roles: as surfels, they are turned into the
-// hemicube's frame eight or so at a time; as pixels of a strip, they test each of those surfels, handed round by shuffles.
-// A strip is as wide as the subgroup and four rows high, so that its depths and winners stay in registers.
+// One hemicube a workgroup (or a part of one, where faces are large), which is one subgroup. Lanes take turns at two roles: as
+// surfels, they are turned into the hemicube's frame and learn which strips of its faces they may touch; as pixels of a
+// strip, they test each of those surfels, handed round by shuffles. A strip is as wide as the subgroup and four rows high, so
+// that its depths and winners stay in registers.
 //
-// Written for software drivers: they execute both sides of a branch, and every loop at least once; their buffer reads are
-// dear, texel fetches and shuffles from known lanes cheap.
+// Written for lavapipe: it executes both sides of a branch, and every loop at least once; reads of storage buffers are dear,
+// texel fetches less so, shuffles from known lanes cheap. It ends a workgroup's loops after 65535 rounds in all, so that
+// long cuts take several dispatches.
 #version 450
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
@@ -16,8 +18,16 @@
 // The subgroup's size.
 layout(local_size_x_id = 9) in;
 const uint LANES = gl_WorkGroupSize.x;
+// Most surfels of a cut that one dispatch draws.
+layout(constant_id = 10) const uint MOST_SURFELS = 1;
+// Whether there are so many surfels that cuts may be longer than that.
+layout(constant_id = 11) const bool LONG_CUTS = false;
+// Strips of a workgroup, MOST_STRIPS at most, and workgroups of a hemicube.
+layout(constant_id = 12) const uint STRIPS = 1;
+layout(constant_id = 13) const uint PARTS = 1;
 
 const uint ROWS = 4;
+const uint MOST_STRIPS = 24;
 // Surfels that a lane looks through before it draws what it has found: a bit each.
 const uint LOOKED_THROUGH = 32;
 
@@ -25,18 +35,20 @@ const uint LOOKED_THROUGH = 32;
 layout(set = 0, binding = 0) uniform usamplerBuffer surfels;
 layout(set = 0, binding = 1) uniform usamplerBuffer cuts;
 layout(set = 0, binding = 2) uniform usamplerBuffer hemicubes;
-layout(set = 0, binding = 3) writeonly buffer Atlas {
+layout(set = 0, binding = 3) buffer Atlas {
     uint ids[];
 } atlas;
 #ifdef TRIANGLE
 layout(set = 0, binding = 4) uniform usamplerBuffer axes;
 #endif
 
-// Tiles of the atlas.
-layout(push_constant) uniform Layout {
+layout(push_constant) uniform Dispatch {
+    // Tiles of the atlas.
     uint columns;
     uint rows;
-} tiles;
+    // Surfels of every cut that earlier dispatches have drawn.
+    uint drawn;
+} dispatch;
 
 struct Hemicube {
     vec3 position;
@@ -53,8 +65,6 @@ struct Strip {
     uvec2 corner;
     // Columns of directions, a lane each.
     float u;
-    // Bounds of the directions of all its pixels: least and greatest u and v.
-    vec4 bounds;
 };
 
 struct Surfel {
@@ -74,14 +84,15 @@ Hemicube hemicube(uint index) {
     uvec4 b = texelFetch(hemicubes, int(4u * index + 1u));
     uvec4 c = texelFetch(hemicubes, int(4u * index + 2u));
     uvec4 d = texelFetch(hemicubes, int(4u * index + 3u));
+    uint drawn = min(dispatch.drawn, c.w);
     return Hemicube(
         uintBitsToFloat(a.xyz),
         uintBitsToFloat(b.xyz),
         uintBitsToFloat(c.xyz),
         uintBitsToFloat(d.xyz),
         (a.w & RECEIVER_INSIDE) != 0u,
-        b.w,
-        c.w
+        b.w + drawn,
+        min(c.w - drawn, MOST_SURFELS)
     );
 }
 
@@ -93,15 +104,23 @@ uint strips_of(uint face) {
     return strips_across() * ((rows(face, RESOLUTION) + ROWS - 1u) / ROWS);
 }
 
-Strip strip(uint index, uint lane) {
+// One of the workgroup's strips. The last workgroup may have too many, on faces that there are not.
+Strip strip(uint index) {
+    // A known number where there is one workgroup: then faces and bounds are known to the compiler too.
+    uint i = PARTS == 1u ? index : index + gl_WorkGroupID.y * STRIPS;
     uint top = strips_of(0u);
-    uint face = index < top ? 0u : 1u + (index - top) / strips_of(1u);
-    uint place = index < top ? index : (index - top) % strips_of(1u);
+    uint face = i < top ? 0u : 1u + (i - top) / strips_of(1u);
+    uint place = i < top ? i : (i - top) % strips_of(1u);
     uvec2 corner = uvec2(place % strips_across() * LANES, place / strips_across() * ROWS);
-    vec2 low = pixel_direction(face, corner, INVERSE_RESOLUTION);
-    vec2 high = pixel_direction(face, corner + uvec2(LANES, ROWS) - 1u, INVERSE_RESOLUTION);
-    float u = pixel_direction(face, corner + uvec2(lane, 0u), INVERSE_RESOLUTION).x;
-    return Strip(face, corner, u, vec4(low.x, high.x, low.y, high.y));
+    float u = pixel_direction(face, corner + uvec2(gl_SubgroupInvocationID, 0u), INVERSE_RESOLUTION).x;
+    return Strip(face, corner, u);
+}
+
+// Bounds of the directions of a strip's pixels: least and greatest u and v.
+vec4 bounds(Strip s) {
+    vec2 low = pixel_direction(s.face, s.corner, INVERSE_RESOLUTION);
+    vec2 high = pixel_direction(s.face, s.corner + uvec2(LANES, ROWS) - 1u, INVERSE_RESOLUTION);
+    return vec4(low.x, high.x, low.y, high.y);
 }
 
 // Direction of this lane's pixel in a row of the strip.
@@ -110,9 +129,7 @@ vec2 pixel_in(Strip s, uint row) {
 }
 
 // Whether a sphere may reach into the pyramid of a strip's directions.
-bool may_touch(vec3 centre, float radius, vec4 bounds) {
-    // Rounding must not lose anything: a thousandth is far more than it could.
-    float reach = 1.001 * radius + 1e-5 * (abs(centre.x) + abs(centre.y) + abs(centre.z));
+bool may_touch(vec3 centre, float reach, vec4 bounds) {
     vec4 within = vec4(centre.x, -centre.x, centre.y, -centre.y) + vec4(-1.0, 1.0, -1.0, 1.0) * bounds * centre.z;
     vec4 least = -reach * sqrt(1.0 + bounds * bounds);
     return centre.z > -reach && all(greaterThanEqual(within, least));
@@ -133,27 +150,34 @@ int surfel_at(Hemicube h, uint place) {
     return int(texelFetch(cuts, int(h.first + min(place, last))).x);
 }
 
-// Which of the surfels that this lane looks through may touch the strip: every `LANES`th from `first` on.
-uint look_through(Hemicube h, Strip s, uint first) {
-    uint touching = 0u;
+// For each strip, which of the surfels that this lane looks through may touch it: every `LANES`th from `first` on.
+void look_through(Hemicube h, uint first, out uint touching[MOST_STRIPS]) {
+    uint found[MOST_STRIPS];
+    [[unroll]] for (uint k = 0u; k < STRIPS; k++) {
+        found[k] = 0u;
+    }
     for (uint i = 0u;;) {
         uint place = first + i * LANES + gl_SubgroupInvocationID;
-        int surfel = surfel_at(h, place);
-        vec4 sphere = uintBitsToFloat(texelFetch(surfels, 2 * surfel));
-        vec3 centre = to_face(s.face, centre_of(h, sphere.xyz));
-        bool touches = place < h.count && may_touch(centre, sphere.w, s.bounds);
-        touching |= (touches ? 1u : 0u) << i;
+        vec4 sphere = uintBitsToFloat(texelFetch(surfels, 2 * surfel_at(h, place)));
+        vec3 centre = centre_of(h, sphere.xyz);
+        // Rounding must not lose anything: a thousandth is far more than it could.
+        float reach = 1.001 * sphere.w + 1e-5 * (abs(centre.x) + abs(centre.y) + abs(centre.z));
+        uint bit = place < h.count ? 1u << i : 0u;
+        [[unroll]] for (uint k = 0u; k < STRIPS; k++) {
+            Strip s = strip(k);
+            found[k] |= may_touch(to_face(s.face, centre), reach, bounds(s)) ? bit : 0u;
+        }
         if (++i == LOOKED_THROUGH || first + i * LANES >= h.count) {
             break;
         }
     }
-    return touching;
+    [[unroll]] for (uint k = 0u; k < STRIPS; k++) {
+        touching[k] = found[k];
+    }
 }
 
-// The surfel at a place of the cut as the strip's face sees it. One that is not seen has no plane, so that no pixel is
-// covered.
-Surfel project(Hemicube h, uint face, uint place, bool wanted) {
-    int index = surfel_at(h, place);
+// A surfel as a face sees it. One that is not seen, or not wanted, has no plane, so that it covers no pixel.
+Surfel project(Hemicube h, uint face, int index, bool wanted) {
     vec4 sphere = uintBitsToFloat(texelFetch(surfels, 2 * index));
     uvec4 rest = texelFetch(surfels, 2 * index + 1);
     vec3 centre = centre_of(h, sphere.xyz);
@@ -176,7 +200,7 @@ Surfel project(Hemicube h, uint face, uint place, bool wanted) {
     s.tangent = to_face(face, to_local(h, uintBitsToFloat(uvec3(a, b.x))));
     s.bitangent = to_face(face, to_local(h, uintBitsToFloat(uvec3(b.y, c))));
 #endif
-    s.mark = int(place) + 1;
+    s.mark = 0;
     return s;
 }
 
@@ -222,34 +246,108 @@ uint greatest(uint value) {
 }
 
 uint texel(Strip s, uvec2 pixel) {
-    uint width = tiles.columns * RESOLUTION;
-    uvec2 tile = uvec2(gl_WorkGroupID.x % tiles.columns, gl_WorkGroupID.x / tiles.columns);
-    uint top = width * tiles.rows * RESOLUTION;
+    uint width = dispatch.columns * RESOLUTION;
+    uvec2 tile = uvec2(gl_WorkGroupID.x % dispatch.columns, gl_WorkGroupID.x / dispatch.columns);
+    uint top = width * dispatch.rows * RESOLUTION;
     uint layer = s.face == 0u ? 0u : top + (s.face - 1u) * (top / 2u);
     return layer + (tile.y * rows(s.face, RESOLUTION) + pixel.y) * width + tile.x * RESOLUTION + pixel.x;
 }
 
-void draw_strip(Hemicube h, Strip s) {
-    uint lane = gl_SubgroupInvocationID;
-    float nearest[ROWS] = float[ROWS](0.0, 0.0, 0.0, 0.0);
-    int winner[ROWS] = int[ROWS](0, 0, 0, 0);
+bool in_face(Strip s, uvec2 pixel) {
+    return s.face < 5u && pixel.x < RESOLUTION && pixel.y < rows(s.face, RESOLUTION);
+}
+
+// The id that earlier dispatches left in a pixel.
+uint drawn_before(Strip s, uint row) {
+    uvec2 pixel = s.corner + uvec2(gl_SubgroupInvocationID, row);
+    return dispatch.drawn > 0u && in_face(s, pixel) ? atlas.ids[texel(s, pixel)] : 0u;
+}
+
+// The depth of that.
+float depth_before(Hemicube h, Strip s, uint row) {
+    uint id = drawn_before(s, row);
+    Surfel surfel = project(h, s.face, int(max(id, 1u)) - 1, id != 0u);
+    return inverse_depth(surfel.plane, pixel_in(s, row));
+}
+
+// Depths and winners of the pixels that a lane has in all strips. A winner is a place in the cut, counted from 1; what earlier
+// dispatches drew is none of this one's, and wins over equals.
+float nearest[MOST_STRIPS * ROWS];
+int winner[MOST_STRIPS * ROWS];
+
+void start(Hemicube h) {
+    for (uint k = 0u;;) {
+        Strip s = strip(k);
+        [[unroll]] for (uint y = 0u; y < ROWS; y++) {
+            nearest[k * ROWS + y] = 0.0;
+            winner[k * ROWS + y] = 0;
+        }
+        if (LONG_CUTS) {
+            nearest[k * ROWS] = depth_before(h, s, 0u);
+            nearest[k * ROWS + 1u] = depth_before(h, s, 1u);
+            nearest[k * ROWS + 2u] = depth_before(h, s, 2u);
+            nearest[k * ROWS + 3u] = depth_before(h, s, 3u);
+        }
+        if (++k == STRIPS) {
+            break;
+        }
+    }
+}
+
+// Draws those of the surfels from `first` on that each lane has found to touch the strip.
+void draw_strip(Hemicube h, uint k, uint first, uint touching) {
+    Strip s = strip(k);
+    vec4 depth = vec4(nearest[k * ROWS], nearest[k * ROWS + 1u], nearest[k * ROWS + 2u], nearest[k * ROWS + 3u]);
+    ivec4 mark = ivec4(winner[k * ROWS], winner[k * ROWS + 1u], winner[k * ROWS + 2u], winner[k * ROWS + 3u]);
+    uint rounds = greatest(uint(bitCount(touching)));
+    for (uint i = 0u;;) {
+        bool some = touching != 0u;
+        uint next = some ? uint(findLSB(touching)) : 0u;
+        touching &= touching - 1u;
+        uint place = first + next * LANES + gl_SubgroupInvocationID;
+        Surfel mine = project(h, s.face, surfel_at(h, place), some);
+        mine.mark = int(place) + 1;
+        [[unroll]] for (uint from = 0u; from < LANES; from++) {
+            Surfel surfel = handed_round(mine, from);
+            // Not a loop: unrolling one, SPIRV-Tools forget what is `precise`.
+            draw(surfel, pixel_in(s, 0u), depth.x, mark.x);
+            draw(surfel, pixel_in(s, 1u), depth.y, mark.y);
+            draw(surfel, pixel_in(s, 2u), depth.z, mark.z);
+            draw(surfel, pixel_in(s, 3u), depth.w, mark.w);
+        }
+        if (++i >= rounds) {
+            break;
+        }
+    }
+    [[unroll]] for (uint y = 0u; y < ROWS; y++) {
+        nearest[k * ROWS + y] = depth[y];
+        winner[k * ROWS + y] = mark[y];
+    }
+}
+
+// Writes the ids of a strip.
+void finish(Hemicube h, uint k) {
+    Strip s = strip(k);
+    [[unroll]] for (uint y = 0u; y < ROWS; y++) {
+        uvec2 pixel = s.corner + uvec2(gl_SubgroupInvocationID, y);
+        int mark = winner[k * ROWS + y];
+        uint before = LONG_CUTS ? drawn_before(s, y) : 0u;
+        uint id = uint(surfel_at(h, uint(max(mark - 1, 0)))) + 1u;
+        if (in_face(s, pixel)) {
+            atlas.ids[texel(s, pixel)] = mark == 0 ? before : id;
+        }
+    }
+}
+
+void main() {
+    Hemicube h = hemicube(gl_WorkGroupID.x);
+    start(h);
     for (uint first = 0u;;) {
-        uint touching = look_through(h, s, first);
-        uint rounds = greatest(uint(bitCount(touching)));
-        for (uint i = 0u;;) {
-            bool some = touching != 0u;
-            uint next = some ? uint(findLSB(touching)) : 0u;
-            touching &= touching - 1u;
-            Surfel mine = project(h, s.face, first + next * LANES + lane, some);
-            [[unroll]] for (uint k = 0u; k < LANES; k++) {
-                Surfel surfel = handed_round(mine, k);
-                // Not a loop: unrolling one, SPIRV-Tools forget what is `precise`.
-                draw(surfel, pixel_in(s, 0u), nearest[0], winner[0]);
-                draw(surfel, pixel_in(s, 1u), nearest[1], winner[1]);
-                draw(surfel, pixel_in(s, 2u), nearest[2], winner[2]);
-                draw(surfel, pixel_in(s, 3u), nearest[3], winner[3]);
-            }
-            if (++i >= rounds) {
+        uint touching[MOST_STRIPS];
+        look_through(h, first, touching);
+        for (uint k = 0u;;) {
+            draw_strip(h, k, first, touching[k]);
+            if (++k == STRIPS) {
                 break;
             }
         }
@@ -258,21 +356,9 @@ void draw_strip(Hemicube h, Strip s) {
             break;
         }
     }
-    [[unroll]] for (uint y = 0u; y < ROWS; y++) {
-        uvec2 pixel = s.corner + uvec2(lane, y);
-        int id = surfel_at(h, uint(max(winner[y] - 1, 0))) + 1;
-        if (pixel.x < RESOLUTION && pixel.y < rows(s.face, RESOLUTION)) {
-            atlas.ids[texel(s, pixel)] = winner[y] == 0 ? 0u : uint(id);
-        }
-    }
-}
-
-void main() {
-    Hemicube h = hemicube(gl_WorkGroupID.x);
-    uint strips = strips_of(0u) + 4u * strips_of(1u);
-    for (uint i = 0u;;) {
-        draw_strip(h, strip(i, gl_SubgroupInvocationID));
-        if (++i == strips) {
+    for (uint k = 0u;;) {
+        finish(h, k);
+        if (++k == STRIPS) {
             break;
         }
     }

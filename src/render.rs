@@ -12,7 +12,7 @@ use crate::shading::indirect::{Gathering, IndirectLight};
 use crate::shading::points::View;
 use crate::shading::shade::develop;
 use crate::shading::visible::Visible;
-use crate::stats::Stage;
+use crate::stats::{Stage, workers_time};
 use crate::surfel::cloud::SurfelCloud;
 use crate::world::World;
 use std::ops::Range;
@@ -79,7 +79,7 @@ fn render_from(
         let (direct, indirect) = match &mut gathering {
             None => (light()?, IndirectLight::none(visible.points.len(), settings)),
             Some(gathering) if gathering.on_cpu() => (light()?, gathering.light(view, &visible)?),
-            Some(gathering) => side_by_side(light, || gathering.light(view, &visible))?,
+            Some(gathering) => side_by_side(run, light, || gathering.light(view, &visible))?,
         };
         develop(world, view, &visible, &direct, &indirect, &mut film);
     }
@@ -140,12 +140,21 @@ fn bands(view: &View) -> impl Iterator<Item = Range<u32>> {
 }
 
 /// Does two things at once; the second on threads of its own: it waits for a device, which shall not wait for the first.
-fn side_by_side<A, B: Send>(
+///
+/// # Errors
+/// That of the first, or of the second.
+pub fn side_by_side<A, B: Send>(
+    run: &Run,
     here: impl FnOnce() -> Result<A>,
     there: impl FnOnce() -> Result<B> + Send,
 ) -> Result<(A, B)> {
     std::thread::scope(|scope| {
-        let there = scope.spawn(|| own_workers()?.install(there));
+        let there = scope.spawn(|| {
+            let workers = own_workers()?;
+            let done = workers.install(there);
+            workers.install(workers_time).into_iter().for_each(|time| run.counters.count_workers(time));
+            done
+        });
         let here = here();
         let there = there.join().unwrap_or_else(|_| Err(Error::Failed("the gather thread stopped".into())));
         Ok((here?, there?))

@@ -23,7 +23,9 @@ impl Run {
     /// Forgets the counts and times of a trial, but not those of loading.
     pub fn forget_work(&mut self) {
         let load = self.clock.busy(Stage::Load);
+        let timeline = self.clock.timeline.take();
         (self.clock, self.counters) = Default::default();
+        self.clock.timeline = timeline;
         self.clock.add(Stage::Load, load);
     }
 }

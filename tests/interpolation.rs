@@ -15,7 +15,7 @@ use surflux::run::Run;
 use surflux::scene::{
     Camera, Material, PunctualEmission, PunctualLight, Scene, SceneDescription, Shape, load,
 };
-use surflux::settings::{Bounces, Emitters, GatherMethod, Quality, Settings};
+use surflux::settings::{Bounces, Emitters, GatherMethod, Quality, Settings, SurfelDensity};
 use surflux::shading::points::View;
 use surflux::stats::Stats;
 use surflux::world::World;
@@ -106,6 +106,22 @@ fn few_gathers_show_what_many_do() {
     let mean = |film: &Film| film.pixels.iter().map(|p| f64::from(p.element_sum())).sum::<f64>();
     let bias = mean(&few) / mean(&many) - 1.0;
     assert!(bias.abs() < 2e-3, "{bias}");
+}
+
+#[test]
+fn coarse_surfels_show_what_fine_ones_do() {
+    // Shadows begin and end at the feet of the boxes. Both pictures have the same rays, so that little noise is in the way.
+    let (description, camera) = cornell();
+    let of = |surfels| Settings {
+        interpolate: None,
+        samples: 1,
+        density: SurfelDensity::Count(surfels),
+        ..of_quality(Quality::Final, GatherMethod::Traced)
+    };
+    let (coarse, fine) =
+        (picture(&description, &camera, &of(2_000)), picture(&description, &camera, &of(40_000)));
+    let off = difference(&coarse.0, &fine.0);
+    assert!(off < 0.01, "{off}");
 }
 
 #[test]

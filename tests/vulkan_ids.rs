@@ -211,8 +211,13 @@ fn two_devices_draw_the_same_ids_and_validation_is_silent() {
     for batch in [1, 64, 1024] {
         let batch_size = BatchSize::Fixed(batch);
         let open = |route| {
-            let settings =
-                VulkanSettings { batch: batch_size, route, validation: true, ..Default::default() };
+            let settings = VulkanSettings {
+                batch: batch_size,
+                frames_in_flight: 3,
+                route,
+                validation: true,
+                ..Default::default()
+            };
             VulkanGatherer::new(device, &splats, SurfelShape::Disc, settings).unwrap()
         };
         let members = Vec::from(ROUTES.map(open));
@@ -291,6 +296,20 @@ fn nothing_to_draw_and_nobody_to_draw_for_are_no_errors() {
         drop(vulkan);
         assert_silent(&log);
     }
+}
+
+/// lavapipe leaves the loops of a compute shader after 65535 rounds, without a word.
+#[test]
+fn lists_too_long_for_one_dispatch_give_the_same_ids() {
+    let Some(device) = lavapipe() else { return };
+    let (splats, receivers) = (room(300_000, 8), receivers(3, 8));
+    let settings = VulkanSettings { route: Route::Compute, validation: true, ..Default::default() };
+    let mut vulkan = VulkanGatherer::new(device, &splats, SurfelShape::Disc, settings).unwrap();
+    let drawn = tiles(&mut vulkan, &receivers, 3);
+    assert_eq!(differing(&drawn, &cpu_tiles(&splats, SurfelShape::Disc, 8, &receivers)), 0);
+    let log = vulkan.validation_log();
+    drop(vulkan);
+    assert_silent(&log);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use crate::hemicube::frame::{MAX_RESOLUTION, MIN_RESOLUTION};
 use crate::progress::Reporter;
 use crate::run::Run;
 use crate::scene::{Camera, PunctualEmission, PunctualLight, Scene, SceneDescription, default_framing, load};
-use crate::settings::{BatchSize, Bounces, GatherMethod, Quality, Settings, SurfelDensity};
+use crate::settings::{BatchSize, Bounces, GatherMethod, Quality, Route, Settings, SurfelDensity};
 use crate::surfel::cloud::{SurfelCloud, SurfelShape};
 use clap::Args;
 use glam::{DVec3, Vec3};
@@ -116,12 +116,16 @@ pub struct TransportArgs {
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     pub gather_samples: Option<u32>,
 
+    /// How a Vulkan device draws hemicubes: auto, raster or compute (auto: software drivers compute small faces)
+    #[arg(long, value_name = "ROUTE", default_value = "auto")]
+    pub vulkan_route: Route,
+
     /// Hemicubes a batch
     #[arg(long, value_name = "N|auto", default_value = "auto")]
     pub batch: BatchSize,
 
-    /// Batches under way on the device at once
-    #[arg(long, value_name = "K", default_value_t = 3, value_parser = frames_in_flight)]
+    /// Batches under way on the device at once; 'auto': as many as keep it busy
+    #[arg(long, value_name = "K|auto", default_value = "auto", value_parser = frames_in_flight)]
     pub frames_in_flight: usize,
 
     /// Seed of all random choices
@@ -210,6 +214,7 @@ impl TransportArgs {
             bounces: self.bounces,
             light_samples: self.light_samples.unwrap_or(quality.light_samples),
             gather_samples: self.gather_samples.unwrap_or(quality.gather_samples),
+            vulkan_route: self.vulkan_route,
             batch: self.batch,
             frames_in_flight: self.frames_in_flight,
             seed: self.seed,
@@ -267,7 +272,8 @@ pub fn positive(text: &str) -> std::result::Result<f64, String> {
         .ok_or_else(|| format!("must be a finite number above 0, not '{text}'"))
 }
 
-fn up_to_64(text: &str) -> std::result::Result<f32, String> {
+/// Parses a number of pixels or radii.
+pub fn up_to_64(text: &str) -> std::result::Result<f32, String> {
     text.parse::<f32>()
         .ok()
         .filter(|v| (0.0..=64.0).contains(v))
@@ -293,7 +299,8 @@ fn field_of_view(text: &str) -> std::result::Result<f64, String> {
     positive(text).ok().filter(|v| *v < 179.9).ok_or_else(|| "must lie between 0 and 179.9 degrees".into())
 }
 
-fn face_resolution(text: &str) -> std::result::Result<u32, String> {
+/// Parses a face resolution.
+pub fn face_resolution(text: &str) -> std::result::Result<u32, String> {
     text.parse::<u32>()
         .ok()
         .filter(|n| n % 2 == 0 && (MIN_RESOLUTION..=MAX_RESOLUTION).contains(n))
@@ -301,7 +308,8 @@ fn face_resolution(text: &str) -> std::result::Result<u32, String> {
 }
 
 fn frames_in_flight(text: &str) -> std::result::Result<usize, String> {
-    text.parse::<usize>().ok().filter(|n| (1..=16).contains(n)).ok_or_else(|| "must be from 1 to 16".into())
+    let count = if text == "auto" { Some(0) } else { text.parse().ok().filter(|n| (1..=16).contains(n)) };
+    count.ok_or_else(|| "must be 'auto' or from 1 to 16".into())
 }
 
 /// Parses a number of worker threads.

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::gather::device::{DeviceRequest, choose};
-use crate::gather::vulkan::{Capabilities, DeviceInfo, Limit, list_devices};
+use crate::gather::vulkan::{Capabilities, DeviceInfo, Limit, Route, list_devices};
 use crate::output::print;
 use clap::Args;
 use std::fmt::Write;
@@ -61,10 +61,14 @@ fn details(device: &Capabilities) -> String {
     let (there, missing): (Vec<_>, Vec<_>) = device.features.iter().partition(|(_, there)| *there);
     let names =
         |features: Vec<(&str, bool)>| features.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
+    let (path, reason) = device.memory_path();
+    let drawn = if device.route() == Route::Compute { "computed" } else { "rasterised" };
     line("features", names(there));
     if !missing.is_empty() {
         line("without", names(missing));
     }
+    line("strategy", format!("hemicubes are {drawn}, batches measured to take 50 ms at most"));
+    line("", format!("{path}: {reason}"));
     text
 }
 

@@ -4,6 +4,7 @@ mod common;
 mod compare;
 mod devices;
 mod irradiance;
+mod latency;
 mod promise;
 mod render;
 mod surfels;
@@ -27,7 +28,7 @@ struct Cli {
 enum Command {
     /// Render a scene to a picture
     #[command(allow_negative_numbers = true)]
-    Render(render::RenderArgs),
+    Render(Box<render::RenderArgs>),
     /// Read points and normals from standard input, write the irradiance at each to standard output
     ///
     /// A line in is "x y z nx ny nz" in scene units, a line out "r g b" in W m-2, in the same order. Empty lines and those
@@ -45,6 +46,12 @@ enum Command {
     /// noise is taken out of the errors. The table goes to standard output.
     #[command(allow_negative_numbers = true)]
     Sweep(Box<sweep::SweepArgs>),
+    /// Measure where a gather's time goes, on each device, by strategy and batch size
+    ///
+    /// Each part of a batch's time, what batches, overlap and ways of memory bring, and, by a model, what a bus between host and
+    /// device would take.
+    #[command(allow_negative_numbers = true)]
+    Latency(Box<latency::LatencyArgs>),
     /// List the devices that can gather, and what each is good for
     Devices(devices::DevicesArgs),
 }
@@ -71,6 +78,7 @@ fn run(command: &Command) -> Result<u8> {
         Command::Surfels(args) => surfels::run(args).map(|()| 0),
         Command::Compare(args) => compare::run(args),
         Command::Sweep(args) => sweep::run(args).map(|()| 0),
+        Command::Latency(args) => latency::run(args).map(|()| 0),
         Command::Devices(args) => devices::run(args).map(|()| 0),
     }
 }

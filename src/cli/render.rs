@@ -10,15 +10,16 @@ use crate::grade::Grade;
 use crate::image_io::{ImageFormat, write};
 use crate::measure::target::{Made, Search, Target};
 use crate::measure::verify::verify;
+use crate::output::{is_standard_output, write_json};
 use crate::render::render_scene;
 use crate::run::Run;
 use crate::scene::{Camera, Scene};
 use crate::scenery::Scenery;
 use crate::settings::{GatherMethod, Settings};
 use crate::shading::points::View;
-use crate::stats::{Section, Stage, Stats};
+use crate::stats::{Section, Stage, Stats, Timeline};
 use clap::Args;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 /// Options of `surflux render`.
@@ -58,6 +59,10 @@ pub struct RenderArgs {
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
 
+    /// Write what ran when, on which thread and GPU queue, for Perfetto or chrome://tracing
+    #[arg(long, value_name = "FILE.json")]
+    timeline: Option<PathBuf>,
+
     #[command(flatten)]
     promise: PromiseArgs,
     #[command(flatten)]
@@ -73,7 +78,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let format = ImageFormat::from_path(&args.output)?;
     format.check_layers(&args.output, &args.aov)?;
     check_writable(&args.output)?;
-    if let Some(path) = args.stats.as_deref().filter(|p| *p != Path::new("-")) {
+    for path in args.stats.iter().chain(&args.timeline).filter(|path| !is_standard_output(path)) {
         check_writable(path)?;
     }
     use_threads(args.transport.threads)?;
@@ -83,6 +88,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
 fn render_to_file(args: &RenderArgs, format: ImageFormat) -> Result<()> {
     let started = Instant::now();
     let mut run = args.messages.run();
+    run.clock.timeline = args.timeline.as_ref().map(|_| Timeline::new());
     let (scenery, camera) = run.clock.time(Stage::Load, || -> Result<_> {
         let description = args.scene.load(&run)?;
         let camera = args.camera.camera(&description)?;
@@ -181,6 +187,10 @@ fn report(args: &RenderArgs, made: &Made, sections: Vec<Section>, run: &Run, sta
     stats.nodes = world.drawables.len() as u64;
     stats.features = world.scene.features();
     stats.sections = sections;
+    stats.sections.push(run.counters.occupation(started.elapsed()));
     run.reporter.summary(&stats);
+    if let (Some(path), Some(timeline)) = (&args.timeline, &run.clock.timeline) {
+        write_json(&timeline.to_json(), path)?;
+    }
     args.stats.as_deref().map_or(Ok(()), |path| stats.write_json(path))
 }

@@ -232,4 +232,8 @@ impl Gatherer for CpuGatherer<'_> {
     fn finish(&mut self) -> Result<Option<Gathered>> {
         Ok(self.finished.pop_front())
     }
+
+    fn strategy(&self) -> String {
+        format!("hemicubes are drawn on the CPU, up to {} a batch", self.batch_size())
+    }
 }

@@ -87,6 +87,7 @@ pub fn create<'a>(
             let vulkan = VulkanSettings {
                 resolution,
                 batch: settings.batch,
+                route: settings.vulkan_route,
                 frames_in_flight,
                 validation: settings.validation,
                 ..VulkanSettings::default()
@@ -96,8 +97,8 @@ pub fn create<'a>(
     })
 }
 
-/// Opens a Vulkan device; a software driver twice, where there are threads for it: it shades vertices on one thread a device,
-/// and that is most of its work.
+/// Opens a Vulkan device; a software driver that rasterises twice, where there are threads for it: it shades vertices on one
+/// thread a device, and that is most of its work.
 fn open_vulkan(
     index: usize,
     drawables: &Drawables,
@@ -105,7 +106,7 @@ fn open_vulkan(
 ) -> Result<Box<dyn Gatherer + 'static>> {
     let open = || VulkanGatherer::new(index, &drawables.splats, drawables.shape, settings);
     let first = open()?;
-    if first.device().kind != DeviceKind::Cpu || rayon::current_num_threads() < 2 {
+    if first.device().kind != DeviceKind::Cpu || first.computes() || rayon::current_num_threads() < 2 {
         return Ok(Box::new(first));
     }
     // Without a second one the picture is the same.

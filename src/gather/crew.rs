@@ -1,5 +1,6 @@
 //! Several gatherers as one: batches go to them in turn, and come back in order.
 
+use super::submits::SubmitTimes;
 use super::{Batch, Gathered, Gatherer};
 use crate::error::Result;
 use crate::hemicube::atlas::IdAtlas;
@@ -47,6 +48,19 @@ impl<G: Gatherer> Gatherer for Crew<G> {
         self.finished += usize::from(gathered.is_some());
         Ok(gathered)
     }
+
+    fn take_submits(&mut self) -> Vec<SubmitTimes> {
+        let members = self.members.iter_mut().enumerate();
+        let of = |(queue, member): (usize, &mut G)| {
+            member.take_submits().into_iter().map(move |submit| SubmitTimes { queue, ..submit })
+        };
+        members.flat_map(of).collect()
+    }
+
+    fn strategy(&self) -> String {
+        let one = self.members.first().map(G::strategy).unwrap_or_default();
+        format!("{} devices take turns; on each, {one}", self.members.len())
+    }
 }
 
 #[cfg(test)]
@@ -76,6 +90,10 @@ mod tests {
             self.batches.push_back(batch);
             assert!(self.batches.len() <= self.frames, "never more than there is room for");
             Ok(())
+        }
+
+        fn strategy(&self) -> String {
+            "echo".into()
         }
 
         fn finish(&mut self) -> Result<Option<Gathered>> {

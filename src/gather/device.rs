@@ -93,6 +93,14 @@ pub fn choose(request: &DeviceRequest) -> Result<Choice> {
     }
 }
 
+/// Every device of this machine that can gather: the built-in rasteriser, and all Vulkan devices that can draw hemicubes.
+pub fn all() -> Vec<Choice> {
+    let devices = list_devices().unwrap_or_default();
+    let suitable = devices.iter().filter(|device| device.unsuitable.is_none());
+    let vulkan = suitable.map(|device| Choice::vulkan(device, "all are measured"));
+    std::iter::once(Choice::cpu("all are measured")).chain(vulkan).collect()
+}
+
 fn choose_among(request: &DeviceRequest, listed: Result<Vec<DeviceInfo>>) -> Result<Choice> {
     if *request == DeviceRequest::Auto {
         return Ok(automatic(&listed.unwrap_or_default()));

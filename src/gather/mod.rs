@@ -8,6 +8,7 @@ pub mod monte_carlo;
 pub mod order;
 mod rays;
 pub mod stage;
+pub mod submits;
 pub mod traced;
 pub mod vulkan;
 
@@ -15,6 +16,7 @@ use crate::error::{Error, Result};
 use crate::hemicube::atlas::IdAtlas;
 pub use crate::hemicube::frame::Estimate;
 use crate::hemicube::frame::{MAX_RESOLUTION, MIN_RESOLUTION, Receiver};
+use submits::SubmitTimes;
 
 /// Receivers to be gathered in one go.
 #[derive(Debug, Clone, Default)]
@@ -81,6 +83,14 @@ pub trait Gatherer: Send {
     /// # Errors
     /// When the device fails.
     fn finish(&mut self) -> Result<Option<Gathered>>;
+
+    /// When the submits that ended since the last call passed from part to part; none from gatherers without a device.
+    fn take_submits(&mut self) -> Vec<SubmitTimes> {
+        Vec::new()
+    }
+
+    /// How the work is done, and why so, for those who want to know.
+    fn strategy(&self) -> String;
 }
 
 /// Refuses a face resolution that no hemicube can have.

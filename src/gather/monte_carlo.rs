@@ -224,4 +224,8 @@ impl Gatherer for MonteCarloGatherer<'_> {
     fn finish(&mut self) -> Result<Option<Gathered>> {
         Ok(self.finished.take())
     }
+
+    fn strategy(&self) -> String {
+        format!("rays on the CPU, up to {} gathers a batch", self.batch_size())
+    }
 }

@@ -37,6 +37,9 @@ pub fn gather_all(
 /// Waits for the oldest batch and counts it.
 fn finish(gatherer: &mut dyn Gatherer, run: &Run) -> Result<Option<Gathered>> {
     let finished = run.clock.time(Stage::Gather, || gatherer.finish())?;
+    let submits = gatherer.take_submits();
+    run.counters.count_submits(&submits);
+    run.clock.timeline.iter().for_each(|timeline| timeline.add_submits(&submits));
     if let Some(gathered) = &finished {
         run.counters.count_batch(gathered.batch.receivers.len());
         gathered.batch.groups.iter().for_each(|group| run.counters.count_cut(group.drawables as usize));

@@ -94,6 +94,10 @@ impl Gatherer for TracedGatherer<'_> {
     fn finish(&mut self) -> Result<Option<Gathered>> {
         Ok(self.finished.take())
     }
+
+    fn strategy(&self) -> String {
+        format!("rays on the CPU, up to {} gathers a batch", self.batch_size())
+    }
 }
 
 /// Form factors from receivers to the sides of surfels, each estimated by the share of rays that meets the side, and to the

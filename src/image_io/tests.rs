@@ -108,6 +108,21 @@ fn exr_layers_have_their_names_and_values() {
 }
 
 #[test]
+fn exr_layers_can_be_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    let mut film = gradient(5, 4, &[Aov::Indirect, Aov::Depth]);
+    let indirect = Vec3::new(0.5, 0.25, 1.0);
+    film.set_layers(7, &PixelValue { indirect, ..PixelValue::black(Vec3::NEG_Z, 2.5) });
+    write(&film, &path, ImageFormat::Exr, 0.0).unwrap();
+    let layer = read_layer(&path, Aov::Indirect).unwrap();
+    assert_eq!((layer.width, layer.pixels[7], layer.pixels[6]), (5, indirect, Vec3::ZERO));
+    for absent in [Aov::Direct, Aov::Depth] {
+        assert_eq!(read_layer(&path, absent).unwrap_err().exit_code(), 2);
+    }
+}
+
+#[test]
 fn layers_need_exr() {
     let path = Path::new("a.png");
     let error = write(&Film::new(1, 1, &[Aov::Depth]), path, ImageFormat::Png, 0.0).unwrap_err();

@@ -4,6 +4,7 @@ mod chosen;
 mod cost;
 pub mod flip;
 mod interval;
+pub mod latency;
 pub mod metrics;
 pub mod pilot;
 mod pixel_paths;

@@ -22,7 +22,7 @@ const LONGEST_STEP: f64 = 2.0;
 /// A smaller step is not worth a new picture, when time is what is limited.
 const SHORTEST_STEP: f64 = 0.3;
 /// A prediction of the time is trusted over so many times the time of the picture that it is made from; beyond, a picture in between comes first.
-const FAR: f64 = 8.0;
+const FAR: f64 = 5.0;
 /// The part of the time left that such a picture may take.
 const PROBE: f64 = 0.15;
 /// The part of the time left that a picture's predicted time may take.
@@ -186,5 +186,89 @@ impl<F: Fn(Grade) -> Settings> Pilot<F> {
         let (full, far) = (CAUTION * left, FAR * last.seconds);
         let grade = if seconds(within(full)) > far { within((PROBE * left).min(far)) } else { within(full) };
         (grade >= lowest && seconds(grade) <= full).then(|| Grade::new(grade))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::GatherMethod;
+    use crate::stats::Stage;
+
+    fn settings(grade: Grade) -> Settings {
+        grade.settings(GatherMethod::Traced)
+    }
+
+    /// A scene: errors fall by exp(-slope) a grade down to a floor, times double.
+    struct Scene {
+        slope: f64,
+        floor: f64,
+    }
+
+    impl Scene {
+        fn trial(&self, grade: Grade, expected: Option<f64>) -> Trial {
+            let g = grade.number();
+            Trial {
+                grade,
+                settings: settings(grade),
+                seconds: 0.2 * g.exp2(),
+                busy: [0.02; Stage::ALL.len()],
+                error: Some((0.03 * (-self.slope * g).exp()).hypot(self.floor)),
+                expected,
+            }
+        }
+
+        /// Flies to the end.
+        fn reach(&self, error: f64) -> (Vec<Trial>, Verdict) {
+            let mut pilot = Pilot::new(Goal { error: Some(error), seconds: None }, settings);
+            loop {
+                match pilot.next(None) {
+                    Step::Try(grade, expected) => pilot.learn(self.trial(grade, expected)),
+                    Step::Done(verdict) => return (pilot.trials().to_vec(), verdict),
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn errors_are_reached_without_detours_whatever_the_scene() {
+        for slope in [0.25, 0.4, 0.6] {
+            for asked in [0.05, 0.02, 0.01] {
+                let (trials, verdict) = Scene { slope, floor: 0.0 }.reach(asked);
+                let got = trials.last().and_then(|t| t.error).expect("was checked");
+                let lowest = trials[0].error == Some(got);
+                assert_eq!(verdict, Verdict::Kept, "{slope}, {asked}");
+                assert!(got <= 1.05 * asked && (lowest || got > asked / 1.5), "{slope}: {got} for {asked}");
+                assert!(trials.len() <= 5, "{slope}, {asked}: {} pictures", trials.len());
+            }
+        }
+    }
+
+    #[test]
+    fn floors_are_found_and_the_best_is_drawn() {
+        let (trials, verdict) = Scene { slope: 0.4, floor: 0.01 }.reach(0.002);
+        assert_eq!(verdict, Verdict::TooFine);
+        assert_eq!(trials.last().map(|t| t.grade), Some(Grade::HIGHEST));
+        assert!(trials.len() <= 4, "{}", trials.len());
+    }
+
+    #[test]
+    fn the_time_left_bounds_the_next_picture() {
+        let scene = Scene { slope: 0.4, floor: 0.0 };
+        let mut pilot = Pilot::new(Goal { error: None, seconds: Some(1.0) }, settings);
+        assert!(matches!(pilot.next(Some(1.0)), Step::Try(grade, _) if grade.number() == -1.0));
+        pilot.learn(Trial { error: None, ..scene.trial(Grade::new(-1.0), None) });
+        let Step::Try(grade, None) = pilot.next(Some(0.8)) else { panic!("there is time for more") };
+        assert!(pilot.seconds_at(grade).expect("known") <= 0.8);
+        assert_eq!(pilot.next(Some(0.01)), Step::Done(Verdict::Kept), "no time for anything better");
+    }
+
+    #[test]
+    fn an_error_within_a_time_ends_with_either() {
+        let goal = Goal { error: Some(0.001), seconds: Some(1.0) };
+        let mut pilot = Pilot::new(goal, settings);
+        pilot.learn(Scene { slope: 0.4, floor: 0.0 }.trial(Grade::new(0.0), None));
+        assert_eq!(pilot.next(Some(0.01)), Step::Done(Verdict::NoTime));
+        assert!(matches!(pilot.next(Some(100.0)), Step::Try(..)));
     }
 }

@@ -6,7 +6,7 @@ use crate::direct::sequence::Sequence;
 use crate::direct::{Gloss, LightChoice, LitPoint};
 use crate::gather::monte_carlo::{Bounces, MonteCarloGatherer, MonteCarloSettings};
 use crate::math::{Frame, Rng, cosine_hemisphere, hash32};
-use crate::settings::{GatherMethod, Settings};
+use crate::settings::{Emitters, GatherMethod, Settings};
 use crate::shading::points::{ShadingPoint, View};
 use crate::world::World;
 use glam::{DVec3, Vec2, Vec3};
@@ -48,6 +48,7 @@ pub struct PixelPaths<'a> {
     view: &'a View,
     /// Follows paths from the second vertex on; `None` where no indirect light is asked for.
     indirect: Option<MonteCarloGatherer<'a>>,
+    emitters: Emitters,
     seed: u32,
 }
 
@@ -57,9 +58,10 @@ impl<'a> PixelPaths<'a> {
         let seed = hash32(seed ^ OWN_NUMBERS);
         let rays =
             MonteCarloSettings { samples: 1, bounces: settings.bounces, emitters: settings.emitters, seed };
-        let none = settings.gather == GatherMethod::None || settings.bounces == Bounces::Count(0);
+        let unlit = settings.bounces == Bounces::Count(0) && settings.emitters == Emitters::Sample;
+        let none = settings.gather == GatherMethod::None || unlit;
         let indirect = (!none).then(|| MonteCarloGatherer::new(&world.accel, &world.lights, rays));
-        Self { world, view, indirect, seed }
+        Self { world, view, indirect, emitters: settings.emitters, seed }
     }
 
     /// Sums a range of one half's samples of a pixel, counted row by row. A prefix of a power of two samples is spread evenly, and
@@ -88,6 +90,9 @@ impl<'a> PixelPaths<'a> {
     }
 
     fn direct(&self, point: &ShadingPoint, light: LightChoice, rng: &mut Rng) -> Vec3 {
+        if self.emitters == Emitters::Gather {
+            return Vec3::ZERO;
+        }
         let material = &self.world.scene.materials[point.material as usize];
         let gloss = Gloss { to_eye: self.view.to_camera(point.position), shininess: material.shininess };
         let gloss = (material.specular != Vec3::ZERO).then_some(gloss);

@@ -20,6 +20,8 @@ const FOR_CHECK: f64 = 0.12;
 const FOR_LEAVING: f64 = 0.04;
 /// A check ends at this part of the time budget.
 const CHECK_ENDS: f64 = 0.96;
+/// A run that takes more than so many times its budget is late.
+const LATE: f64 = 1.1;
 /// The pilot's pixels and paths are not those of the check afterwards: settings chosen by lucky pixels shall not be judged by them.
 const PILOT_SEED: u32 = 0x9170_75ee;
 
@@ -167,7 +169,10 @@ impl Search {
     pub fn warn(&self, got: &Verification, run: &Run) {
         let Goal { error, seconds } = self.target.goal;
         let used = self.target.started.elapsed().as_secs_f64();
-        if let Some(asked) = error.filter(|asked| got.interval[0] > *asked || self.verdict != Verdict::Kept) {
+        let missed = |asked: &f64| {
+            got.interval[0] > *asked || (self.verdict != Verdict::Kept && got.relative_rms > *asked)
+        };
+        if let Some(asked) = error.filter(missed) {
             let reason = match self.verdict {
                 Verdict::NoTime => ": the time does not suffice",
                 Verdict::TooFine => ": no settings do better",
@@ -176,7 +181,7 @@ impl Search {
             let (got, asked) = (percent(got.relative_rms), percent(asked));
             run.reporter.warn(&format!("the error is {got}, where {asked} was asked for{reason}"));
         }
-        if let Some(asked) = seconds.filter(|asked| used > *asked) {
+        if let Some(asked) = seconds.filter(|asked| used > LATE * *asked) {
             run.reporter.warn(&format!("the run took {used:.2} s, where {asked:.2} s were asked for"));
         }
     }

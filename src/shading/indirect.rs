@@ -54,10 +54,7 @@ impl<'a> Gathering<'a> {
     /// When the device is not there or fails.
     pub fn new(world: &'a World, settings: &'a Settings, run: &'a Run) -> Result<Self> {
         let gatherer = world.gatherer(settings)?;
-        run.reporter.verbose(|| {
-            let (size, in_flight) = (gatherer.batch_size(), gatherer.frames_in_flight());
-            format!("up to {size} gathers a batch, up to {in_flight} batches under way at once")
-        });
+        run.reporter.verbose(|| gatherer.strategy());
         Ok(Self { world, settings, run, gatherer })
     }
 

@@ -1,5 +1,6 @@
 //! Busy time of each stage, measured on any number of threads at once.
 
+use super::timeline::Timeline;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -65,6 +66,8 @@ impl Stage {
 /// Adds up the time that threads spend in each stage. Meant for whole batches of work, not single points.
 #[derive(Debug, Default)]
 pub struct StageClock {
+    /// What ran when, if that is recorded.
+    pub timeline: Option<Timeline>,
     busy: [AtomicU64; Stage::ALL.len()],
     together: Mutex<Together>,
 }
@@ -130,8 +133,12 @@ impl<'a> Running<'a> {
 
 impl Drop for Running<'_> {
     fn drop(&mut self) {
-        let duration = self.since.elapsed();
+        let now = Instant::now();
+        let duration = now - self.since;
         self.clock.add(self.stage, duration);
+        if let Some(timeline) = &self.clock.timeline {
+            timeline.add(self.stage.name(), self.since, now);
+        }
         if self.stage.overlaps() {
             let mut together = self.clock.together();
             together.busy += duration;

@@ -1,15 +1,23 @@
 //! What a run did and where its time went: counters, stage clocks, and the statistics made of them.
 
 mod clock;
+mod device_use;
+mod processor;
+mod timeline;
 
 pub use clock::{Stage, StageClock};
+pub use device_use::DeviceUse;
+pub use processor::{process_time, workers_time};
+pub use timeline::Timeline;
 
 use crate::error::Result;
+use crate::gather::submits::SubmitTimes;
 use crate::output::write_json;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 /// Counts that the stages of a run, on any thread, add to.
@@ -22,6 +30,8 @@ pub struct Counters {
     cuts: AtomicU64,
     cut_nodes: AtomicU64,
     readback_bytes: AtomicU64,
+    workers_nanoseconds: AtomicU64,
+    device_use: Mutex<DeviceUse>,
 }
 
 impl Counters {
@@ -45,6 +55,37 @@ impl Counters {
     pub fn count_cut(&self, nodes: usize) {
         add(&self.cuts, 1);
         add(&self.cut_nodes, nodes);
+    }
+
+    /// Adds submits that ended.
+    pub fn count_submits(&self, submits: &[SubmitTimes]) {
+        let mut device_use = self.device_use.lock().unwrap_or_else(PoisonError::into_inner);
+        submits.iter().for_each(|submit| device_use.add(submit));
+    }
+
+    /// Adds processor time of workers that are no more.
+    pub fn count_workers(&self, time: Duration) {
+        add(&self.workers_nanoseconds, time.as_nanos() as usize);
+    }
+
+    /// How busy the device's queues and the workers were in a run of `total`. To be asked on a thread that is no worker.
+    pub fn occupation(&self, total: Duration) -> Section {
+        let device_use = self.device_use.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let gone = Duration::from_nanos(get(&self.workers_nanoseconds));
+        let threads = rayon::current_num_threads();
+        let busy = workers_time().map(|time| (time + gone).as_secs_f64());
+        let share = busy.map(|busy| busy / (threads as f64 * total.as_secs_f64()).max(1e-9));
+        let workers = share.map(|share| format!("{threads} workers busy {:.0} %", 100.0 * share));
+        let words: Vec<String> = device_use.in_words().into_iter().chain(workers).collect();
+        Section {
+            key: "occupation",
+            label: "busy",
+            text: words.join("; "),
+            json: json!({
+                "device": device_use.to_json(),
+                "workers": { "threads": threads, "busy_seconds": busy, "share": share },
+            }),
+        }
     }
 
     /// Adds bytes that came back from the device.
@@ -269,7 +310,7 @@ mod tests {
         let mut stats = sample();
         stats.sections = vec![Section { key: "verify", label: "error", text: "small".into(), json }];
         assert_eq!(stats.to_json()["verify"]["rmse"], 0.5);
-        assert_eq!(stats.to_json().as_object().unwrap().keys().last().unwrap(), "verify");
+        assert_eq!(stats.to_json().as_object().unwrap().keys().next_back().unwrap(), "verify");
         assert!(stats.summary().ends_with("\nerror      small"), "{}", stats.summary());
     }
 

@@ -29,7 +29,7 @@ const SHEETS: f32 = 0.2;
 const RIDGE: f32 = 1e-3;
 
 /// Light that differs from the fitted plane by more than this share of itself (root mean square) is uneven.
-const UNEVEN: f32 = 0.03;
+const UNEVEN: f32 = 0.1;
 
 /// Light at a spot.
 #[derive(Debug, Clone, Copy, Default)]

@@ -7,6 +7,12 @@ const TRANSPORT: &str = "--device --gather --face-resolution --surfels --surfel-
                          --surfel-cloud --surfel-shape --quality --lod --near-field --interpolate --bounces --light-samples --gather-samples --batch \
                          --frames-in-flight --seed --threads --validate --quiet --verbose --help --version";
 
+const SWEEP: &str = "--point-light --background --vary --quality --only-listed --gather --device --face-resolution --surfels \
+                     --surfel-spacing --lod --near-field --interpolate --bounces --light-samples --gather-samples \
+                     --samples --reference --reference-noise --mask --measure --repeat --json --plot --against --with \
+                     --width --height --seed --threads --look-from --look-at --up --fov --quiet --verbose --help \
+                     --version";
+
 /// Options start their line after at most so many spaces; descriptions, which may start with an option's name, after more.
 const INDENT: usize = 6;
 
@@ -27,7 +33,8 @@ fn every_command_lists_all_of_its_options() {
     for (command, own) in [
         (
             "render",
-            "--output --width --height --samples --exposure --aov --stats --look-from --look-at --up --fov",
+            "--output --width --height --samples --exposure --aov --stats --timeline --look-from --look-at --up --fov --verify \
+             --target-error --time-budget",
         ),
         ("irradiance", "--emitters --only"),
         ("surfels", "--output --ascii"),
@@ -36,7 +43,13 @@ fn every_command_lists_all_of_its_options() {
         assert_lists(command, &expected);
     }
     assert_lists("compare", "--diff --mask --max-mae --max-relmse --json --help --version");
+    assert_lists(
+        "latency",
+        "--device --face-resolution --surfels --lod --effort --largest-batch --simulate-link --simulate-speed --json --plot --threads \
+         --validate --look-from --look-at --up --fov --quiet --verbose --help --version",
+    );
     assert_lists("devices", "--verbose --help --version");
+    assert_lists("sweep", SWEEP);
 }
 
 fn assert_lists(command: &str, options: &str) {
@@ -51,7 +64,8 @@ fn assert_lists(command: &str, options: &str) {
 #[test]
 fn the_overview_names_all_commands_and_exit_codes() {
     let help = surflux(&["--help"]).expect(0).stdout;
-    for word in ["render", "irradiance", "surfels", "compare", "devices", "0 done", "130"] {
+    for word in ["render", "irradiance", "surfels", "compare", "sweep", "latency", "devices", "0 done", "130"]
+    {
         assert!(help.contains(word), "{word}: {help}");
     }
 }

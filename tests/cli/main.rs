@@ -12,3 +12,4 @@ mod pictures;
 mod same_bytes;
 mod statistics;
 mod support;
+mod sweep;

@@ -27,7 +27,7 @@ fn keys_are_stable() {
     assert_eq!(
         keys(&stats),
         "device image surfels nodes shading_points gathers near_field_rays batches cut_nodes_mean \
-         readback_bytes features seconds gathers_per_second overlap peak_memory_bytes"
+         readback_bytes features seconds gathers_per_second overlap peak_memory_bytes occupation"
     );
     assert_eq!(keys(&stats["device"]), "name kind driver");
     assert_eq!(keys(&stats["image"]), "width height samples");

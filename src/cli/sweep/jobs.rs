@@ -48,10 +48,8 @@ pub struct Resolved {
 
 /// All that the command line asks for, with repetitions; wrong settings and absent devices are found here.
 pub fn candidates(args: &SweepArgs) -> Result<Vec<Resolved>> {
-    let all = Quality::value_variants().iter().filter(|_| !args.only_listed);
-    // One setting at a time varies a base, which is rendered, too.
-    let base = std::iter::once(&args.quality).filter(|_| args.only_listed && args.vary == Vary::Each);
-    let named = all.chain(base).map(|&quality| (quality, true, Candidate::default()));
+    let named = Quality::value_variants().iter().filter(|_| !args.only_listed);
+    let named = named.map(|&quality| (quality, true, Candidate::default()));
     let listed = combine(args.vary, &args.lists.chosen(args.vary))?;
     let listed = listed.into_iter().map(|candidate| (args.quality, false, candidate));
     named

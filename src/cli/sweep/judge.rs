@@ -177,9 +177,9 @@ fn read_mask(path: &Path, size: [u32; 2]) -> Result<Vec<bool>> {
     Ok(mask)
 }
 
-/// Files beside the JSON lines, named after what they show.
+/// Files beside the JSON lines, named after what they show, so that several sweeps share them.
 fn cache(json: &Path, identity: &Fingerprint) -> [PathBuf; 2] {
-    ["a", "b"].map(|half| json.with_extension(format!("reference-{identity}-{half}.exr")))
+    ["a", "b"].map(|half| json.with_file_name(format!("reference-{identity}-{half}.exr")))
 }
 
 /// Tells inputs apart: 64-bit FNV-1a of what `Debug` says of them, which for numbers is exact.

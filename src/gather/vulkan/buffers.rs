@@ -83,17 +83,6 @@ impl Buffer {
         self.handle.raw
     }
 
-    /// The barrier after which the host sees what the device wrote with `access`.
-    pub fn visible_to_host(&self, access: vk::AccessFlags) -> vk::BufferMemoryBarrier<'static> {
-        vk::BufferMemoryBarrier::default()
-            .src_access_mask(access)
-            .dst_access_mask(vk::AccessFlags::HOST_READ)
-            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-            .buffer(self.raw())
-            .size(vk::WHOLE_SIZE)
-    }
-
     /// The bytes as the host sees them; none where it sees none. The device must not be writing.
     pub fn bytes(&self) -> &[u8] {
         self.memory.allocation.as_ref().and_then(Allocation::mapped_slice).unwrap_or_default()
@@ -103,6 +92,21 @@ impl Buffer {
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         self.memory.allocation.as_mut().and_then(Allocation::mapped_slice_mut).unwrap_or_default()
     }
+}
+
+/// The barrier between accesses of a buffer: after it, `after` sees what `before` wrote.
+pub(super) fn visible(
+    buffer: vk::Buffer,
+    before: vk::AccessFlags,
+    after: vk::AccessFlags,
+) -> vk::BufferMemoryBarrier<'static> {
+    vk::BufferMemoryBarrier::default()
+        .src_access_mask(before)
+        .dst_access_mask(after)
+        .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+        .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+        .buffer(buffer)
+        .size(vk::WHOLE_SIZE)
 }
 
 /// A buffer in the device's own memory with the given contents. Waits for the copy.

@@ -1,7 +1,9 @@
 //! What a Vulkan device has, in words: memory, limits that bound a batch, and the features that drawing uses.
 
-use super::devices::{graphics_family, physical_devices};
+use super::devices::{self, DeviceKind, graphics_family, physical_devices, shuffling_lanes};
 use super::instance::Instance;
+use super::memory::{self, MemoryPath};
+use super::settings::Route;
 use crate::error::{Error, Result};
 use ash::vk;
 use std::fmt;
@@ -41,6 +43,11 @@ pub struct Capabilities {
     pub limits: Vec<Limit>,
     /// Features that drawing uses, with whether they are there.
     pub features: Vec<(&'static str, bool)>,
+    /// Whether hemicubes can be computed as well as rasterised.
+    pub computes: bool,
+    /// Whether it can use memory of the host's own.
+    import: bool,
+    kind: DeviceKind,
 }
 
 /// A limit and what it bounds.
@@ -74,6 +81,9 @@ impl Capabilities {
             memory_types: memory.memory_types_as_slice().iter().filter_map(memory_type).collect(),
             limits: limits(&properties.limits),
             features: features(&instance, device, &properties),
+            computes: shuffling_lanes(&instance, device).is_some(),
+            import: offers_import(&instance, device),
+            kind: devices::kind(properties.device_type),
         })
     }
 
@@ -82,9 +92,19 @@ impl Capabilities {
         self.heaps.iter().all(|heap| heap.device_local)
     }
 
-    /// Whether the device can draw straight into memory that the host reads through its caches.
-    pub fn mappable_cached(&self) -> bool {
-        self.memory_types.iter().any(|t| t.device_local && t.host_visible && t.host_cached)
+    /// The route that hemicubes of ordinary size take here.
+    pub fn route(&self) -> Route {
+        if self.computes && self.kind == DeviceKind::Cpu { Route::Compute } else { Route::Raster }
+    }
+
+    /// The way of ids to the host that suits the device, and why.
+    pub fn memory_path(&self) -> (MemoryPath, &'static str) {
+        memory::suitable(&self.memory_types, self.import, self.route() == Route::Compute)
+    }
+
+    /// Whether the device has what a way of ids to the host needs on a route.
+    pub fn offers(&self, path: MemoryPath, route: Route) -> bool {
+        memory::offered(path, &self.memory_types, self.import, route == Route::Compute)
     }
 }
 
@@ -93,7 +113,7 @@ fn heap(heap: &vk::MemoryHeap) -> Heap {
 }
 
 /// `None` for types that only special objects can use.
-fn memory_type(memory: &vk::MemoryType) -> Option<MemoryType> {
+pub(super) fn memory_type(memory: &vk::MemoryType) -> Option<MemoryType> {
     let has = |flag| memory.property_flags.contains(flag);
     let special = vk::MemoryPropertyFlags::LAZILY_ALLOCATED
         | vk::MemoryPropertyFlags::PROTECTED
@@ -145,7 +165,7 @@ fn features(
         ("multiview", multiview.multiview == vk::TRUE),
         ("large points", large_points),
         ("timestamps", timestamps(instance, device)),
-        ("host memory import", offers(instance, device, ash::ext::external_memory_host::NAME)),
+        ("host memory import", offers_import(instance, device)),
     ]
 }
 
@@ -155,10 +175,11 @@ fn timestamps(instance: &Instance, device: vk::PhysicalDevice) -> bool {
     graphics_family(instance, device).is_some_and(|family| families[family as usize].timestamp_valid_bits > 0)
 }
 
-fn offers(instance: &Instance, device: vk::PhysicalDevice, extension: &std::ffi::CStr) -> bool {
+/// Whether the device can use memory of the host's own.
+pub(super) fn offers_import(instance: &Instance, device: vk::PhysicalDevice) -> bool {
     // SAFETY: the device belongs to the instance.
     let offered = unsafe { instance.raw.enumerate_device_extension_properties(device) }.unwrap_or_default();
-    offered.iter().any(|e| e.extension_name_as_c_str() == Ok(extension))
+    offered.iter().any(|e| e.extension_name_as_c_str() == Ok(ash::ext::external_memory_host::NAME))
 }
 
 /// A number of bytes in words.

@@ -1,6 +1,7 @@
-//! The compute route: one workgroup a hemicube, whose ids go straight into the readback buffer (`shaders/gather.comp`).
+//! The compute route: a workgroup for each hemicube, or for each part of a large one, whose ids go into a buffer
+//! (`shaders/gather.comp`).
 
-use super::buffers::Buffer;
+use super::buffers::{Buffer, visible};
 use super::context::Context;
 use super::draws::Draws;
 use super::owned::Owned;
@@ -8,7 +9,7 @@ use super::pass::{constants, shader_module, spirv};
 use super::pipeline_cache::PipelineCache;
 use super::vertices::SplatBuffers;
 use crate::hemicube::atlas::AtlasLayout;
-use crate::hemicube::frame::Receiver;
+use crate::hemicube::frame::{FACES, Receiver, rows};
 use crate::surfel::cloud::SurfelShape;
 use ash::prelude::VkResult;
 use ash::vk;
@@ -17,8 +18,13 @@ use std::sync::Arc;
 const STAGE: vk::ShaderStageFlags = vk::ShaderStageFlags::COMPUTE;
 /// Binding of the ids. The texel buffers have the other numbers.
 const IDS_BINDING: u32 = 3;
-/// Number of the specialisation constant that is the subgroup's size: after those of `shaders/cover.glsl`.
-const LANES_CONSTANT: usize = super::pass::CONSTANTS;
+/// Rows of pixels in a strip: `ROWS` in the shader.
+const STRIP_ROWS: u32 = 4;
+/// Most strips of a workgroup: `MOST_STRIPS` in the shader.
+const MOST_STRIPS: u32 = 24;
+/// Surfels of a cut that one dispatch draws. lavapipe ends all loops of a workgroup after 65535 rounds; with subgroups of eight,
+/// each surfel takes an eighth of a round to look at and one for every strip that it touches.
+const MOST_SURFELS: u32 = 1 << 14;
 
 /// A hemicube as the shader reads it, in four texels.
 #[repr(C)]
@@ -58,14 +64,30 @@ pub(super) fn write_tasks(buffer: &mut Buffer, receivers: &[Receiver], draws: &D
     }
 }
 
-/// Tiles of the atlas: `Layout` in the shader.
+/// The push constants: `Dispatch` in the shader.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-pub(super) struct Tiles {
-    /// Side by side.
+pub(super) struct Dispatch {
+    /// Tiles of the atlas, side by side.
     pub columns: u32,
     /// Rows of them.
     pub rows: u32,
+    /// Surfels of every cut that earlier dispatches have drawn.
+    pub drawn: u32,
+}
+
+/// What a submit draws.
+pub(super) struct Computing<'a> {
+    /// The slot's buffers as the shader sees them.
+    pub bindings: &'a Bindings,
+    /// Where the ids go.
+    pub ids: vk::Buffer,
+    /// What the hemicubes draw.
+    pub draws: &'a Draws,
+    /// Number of hemicubes.
+    pub hemicubes: usize,
+    /// Where their tiles lie; no larger than the buffer.
+    pub layout: AtlasLayout,
 }
 
 /// The size of a workgroup that is exactly one subgroup, or why the device cannot draw so many surfels this way.
@@ -95,51 +117,83 @@ pub(super) struct Compute {
     pipeline: Owned<vk::Pipeline>,
     layout: Owned<vk::PipelineLayout>,
     bindings: Owned<vk::DescriptorSetLayout>,
+    /// Workgroups a hemicube.
+    parts: u32,
 }
 
 impl Compute {
-    /// Builds it for subgroups of `lanes`.
-    pub fn new(context: &Arc<Context>, shape: SurfelShape, resolution: u32, lanes: u32) -> VkResult<Self> {
+    /// Builds it for subgroups of `lanes` and so many surfels.
+    pub fn new(
+        context: &Arc<Context>,
+        shape: SurfelShape,
+        surfels: usize,
+        [resolution, lanes]: [u32; 2],
+    ) -> VkResult<Self> {
         let bindings = set_layout(context, shape)?;
         let layout = pipeline_layout(context, bindings.raw)?;
         let cache = PipelineCache::open(context)?;
-        let pipeline = pipeline(context, shape, [resolution, lanes], layout.raw, &cache)?;
+        let mut constants = constants(resolution).to_vec();
+        let all = strips(resolution, lanes);
+        let strips = all.min(MOST_STRIPS);
+        let parts = all.div_ceil(strips);
+        // After those that all shaders share: the subgroup's size, how long cuts may be, and who draws which strips.
+        constants.extend([lanes, MOST_SURFELS, u32::from(surfels > MOST_SURFELS as usize), strips, parts]);
+        let pipeline = pipeline(context, shape, &constants, layout.raw, &cache)?;
         cache.save(context);
-        Ok(Self { pipeline, layout, bindings })
+        Ok(Self { pipeline, layout, bindings, parts })
     }
 
-    /// Records the drawing of so many hemicubes; then the host may read their ids.
-    pub fn record(
+    /// Records the drawing.
+    pub fn record(&self, context: &Context, commands: vk::CommandBuffer, computing: &Computing<'_>) {
+        let (device, bind_point) = (&context.device, vk::PipelineBindPoint::COMPUTE);
+        // SAFETY: the command buffer is recording; all objects belong to the device and outlive the submit, which the slot's
+        // fence ends.
+        unsafe {
+            let sets = [computing.bindings.set];
+            device.cmd_bind_pipeline(commands, bind_point, self.pipeline.raw);
+            device.cmd_bind_descriptor_sets(commands, bind_point, self.layout.raw, 0, &sets, &[]);
+        }
+        let longest = computing.draws.list.iter().map(|draw| draw.indices).max().unwrap_or(0);
+        for drawn in (0..longest.max(1)).step_by(MOST_SURFELS as usize) {
+            let (columns, rows) = (computing.layout.columns, computing.layout.rows);
+            self.dispatch(context, commands, Dispatch { columns, rows, drawn }, computing.hemicubes);
+            if longest.saturating_sub(drawn) > MOST_SURFELS {
+                go_on(context, commands, computing.ids);
+            }
+        }
+    }
+
+    fn dispatch(
         &self,
         context: &Context,
         commands: vk::CommandBuffer,
-        bindings: &Bindings,
-        (hemicubes, layout): (usize, AtlasLayout),
-        ids: &Buffer,
+        constants: Dispatch,
+        hemicubes: usize,
     ) {
         let device = &context.device;
-        let tiles = Tiles { columns: layout.columns, rows: layout.rows };
-        let bind_point = vk::PipelineBindPoint::COMPUTE;
-        let (none, stage) = (vk::DependencyFlags::empty(), vk::PipelineStageFlags::COMPUTE_SHADER);
-        let visible = [ids.visible_to_host(vk::AccessFlags::SHADER_WRITE)];
-        // SAFETY: the command buffer is recording; all objects belong to the device and outlive the submit, which the slot's
-        // fence ends; the shader writes within the buffer, which holds a whole atlas of this layout.
+        // SAFETY: pipeline and bindings are bound; the shader writes within the ids' buffer, which holds a whole atlas of this
+        // layout.
         unsafe {
-            device.cmd_bind_pipeline(commands, bind_point, self.pipeline.raw);
-            device.cmd_bind_descriptor_sets(commands, bind_point, self.layout.raw, 0, &[bindings.set], &[]);
-            device.cmd_push_constants(commands, self.layout.raw, STAGE, 0, bytemuck::bytes_of(&tiles));
-            device.cmd_dispatch(commands, hemicubes as u32, 1, 1);
-            device.cmd_pipeline_barrier(
-                commands,
-                stage,
-                vk::PipelineStageFlags::HOST,
-                none,
-                &[],
-                &visible,
-                &[],
-            );
+            let constants = bytemuck::bytes_of(&constants);
+            device.cmd_push_constants(commands, self.layout.raw, STAGE, 0, constants);
+            device.cmd_dispatch(commands, hemicubes as u32, self.parts, 1);
         }
     }
+}
+
+/// Lets a dispatch go on where the one before it ended.
+fn go_on(context: &Context, commands: vk::CommandBuffer, ids: vk::Buffer) {
+    let (stage, written) = (vk::PipelineStageFlags::COMPUTE_SHADER, vk::AccessFlags::SHADER_WRITE);
+    let barriers = [visible(ids, written, vk::AccessFlags::SHADER_READ | written)];
+    let none = vk::DependencyFlags::empty();
+    // SAFETY: the command buffer is recording, and the buffer outlives the submit.
+    unsafe { context.device.cmd_pipeline_barrier(commands, stage, stage, none, &[], &barriers, &[]) };
+}
+
+/// Strips that cover all faces.
+fn strips(resolution: u32, lanes: u32) -> u32 {
+    let of_face = |face| resolution.div_ceil(lanes) * rows(face, resolution).div_ceil(STRIP_ROWS);
+    (0..FACES).map(of_face).sum()
 }
 
 /// Numbers of the texel buffers' bindings and their formats: surfels, cuts, hemicubes, and axes of triangles.
@@ -166,8 +220,13 @@ impl Bindings {
         context: &Arc<Context>,
         compute: &Compute,
         surfels: &SplatBuffers,
-        [hemicubes, cuts, ids]: [&Buffer; 3],
+        [hemicubes, cuts]: [&Buffer; 2],
+        ids: vk::Buffer,
     ) -> VkResult<Self> {
+        if cuts.bytes().len() / size_of::<u32>() > context.limits.max_texel_buffer_elements as usize {
+            // Fewer hemicubes have fewer cuts.
+            return Err(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);
+        }
         let shape = if surfels.axes.is_some() { SurfelShape::Triangle } else { SurfelShape::Disc };
         let buffers = [Some(&surfels.splats), Some(cuts), Some(hemicubes), surfels.axes.as_ref()];
         let views = buffers
@@ -216,10 +275,10 @@ fn write_set(
     set: vk::DescriptorSet,
     shape: SurfelShape,
     views: &[Owned<vk::BufferView>],
-    ids: &Buffer,
+    ids: vk::Buffer,
 ) {
     let raw: Vec<[vk::BufferView; 1]> = views.iter().map(|view| [view.raw]).collect();
-    let ids = [vk::DescriptorBufferInfo::default().buffer(ids.raw()).range(vk::WHOLE_SIZE)];
+    let ids = [vk::DescriptorBufferInfo::default().buffer(ids).range(vk::WHOLE_SIZE)];
     let mut writes = vec![
         vk::WriteDescriptorSet::default()
             .dst_set(set)
@@ -260,7 +319,7 @@ fn pipeline_layout(
     bindings: vk::DescriptorSetLayout,
 ) -> VkResult<Owned<vk::PipelineLayout>> {
     let sets = [bindings];
-    let ranges = [vk::PushConstantRange::default().stage_flags(STAGE).size(size_of::<Tiles>() as u32)];
+    let ranges = [vk::PushConstantRange::default().stage_flags(STAGE).size(size_of::<Dispatch>() as u32)];
     let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(&ranges);
     // SAFETY: as above.
     let raw = unsafe { context.device.create_pipeline_layout(&info, None) }?;
@@ -278,18 +337,15 @@ pub(super) fn shader(shape: SurfelShape) -> &'static [u8] {
 fn pipeline(
     context: &Arc<Context>,
     shape: SurfelShape,
-    [resolution, lanes]: [u32; 2],
+    constants: &[u32],
     layout: vk::PipelineLayout,
     cache: &PipelineCache,
 ) -> VkResult<Owned<vk::Pipeline>> {
     let module = shader_module(context, "gather.comp", shader(shape))?;
-    let mut values = constants(resolution).to_vec();
-    values.push(lanes);
-    let entries: [vk::SpecializationMapEntry; LANES_CONSTANT + 1] = std::array::from_fn(|i| {
-        vk::SpecializationMapEntry { constant_id: i as u32, offset: 4 * i as u32, size: 4 }
-    });
+    let entry = |i| vk::SpecializationMapEntry { constant_id: i as u32, offset: 4 * i as u32, size: 4 };
+    let entries: Vec<_> = (0..constants.len()).map(entry).collect();
     let specialization =
-        vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(&values));
+        vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(constants));
     let stage = vk::PipelineShaderStageCreateInfo::default()
         .stage(STAGE)
         .module(module.raw)

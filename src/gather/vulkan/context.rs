@@ -1,5 +1,6 @@
 //! The logical device: queue, memory allocator, names.
 
+use super::capabilities::offers_import;
 use super::devices::{self, DeviceInfo, DeviceKind};
 use super::instance::Instance;
 use super::pipeline_cache::Maker;
@@ -33,6 +34,10 @@ pub(super) struct Context {
     pub lanes: Option<u32>,
     /// Its limits.
     pub limits: vk::PhysicalDeviceLimits,
+    /// Its memory types and heaps.
+    pub memory: vk::PhysicalDeviceMemoryProperties,
+    /// How it uses the host's own memory, where it can.
+    pub import: Option<Import>,
     /// Bytes of its largest own heap.
     pub memory_bytes: u64,
     /// Seconds a timestamp tick; `None` where the queue has no timestamps.
@@ -102,12 +107,19 @@ impl Context {
             maker: Maker::new(&properties),
             lanes: devices::shuffling_lanes(&instance, physical),
             limits: properties.limits,
+            memory,
+            import: offers_import(&instance, physical).then(|| Import::new(&instance, physical, &device)),
             memory_bytes: own.max().unwrap_or_default(),
             timestamp_seconds: timestamps.then(|| f64::from(properties.limits.timestamp_period) * 1e-9),
             allocator: Mutex::new(ManuallyDrop::new(allocator)),
             device,
             _instance: instance,
         })
+    }
+
+    /// Whether a memory type has all of these properties.
+    pub fn has(&self, memory_type: u32, flags: vk::MemoryPropertyFlags) -> bool {
+        self.memory.memory_types[memory_type as usize].property_flags.contains(flags)
     }
 
     /// Names an object for validation messages and debuggers.
@@ -160,6 +172,27 @@ impl Drop for Context {
     }
 }
 
+/// Memory of the host that the device uses (`VK_EXT_external_memory_host`).
+pub(super) struct Import {
+    /// The extension's calls.
+    pub calls: ext::external_memory_host::Device,
+    /// Blocks begin and end at multiples of this many bytes.
+    pub alignment: vk::DeviceSize,
+}
+
+impl Import {
+    fn new(instance: &Instance, physical: vk::PhysicalDevice, device: &ash::Device) -> Self {
+        let mut host = vk::PhysicalDeviceExternalMemoryHostPropertiesEXT::default();
+        let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut host);
+        // SAFETY: the device belongs to the instance and has the extension.
+        unsafe { instance.raw.get_physical_device_properties2(physical, &mut properties) };
+        Self {
+            calls: ext::external_memory_host::Device::new(&instance.raw, device),
+            alignment: host.min_imported_host_pointer_alignment.max(1),
+        }
+    }
+}
+
 /// Whether less memory would have helped.
 pub(super) fn out_of_memory(result: vk::Result) -> bool {
     matches!(result, vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY)
@@ -167,10 +200,15 @@ pub(super) fn out_of_memory(result: vk::Result) -> bool {
 
 fn create_device(instance: &Instance, physical: vk::PhysicalDevice, family: u32) -> VkResult<ash::Device> {
     let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
+    let extensions: Vec<_> = offers_import(instance, physical)
+        .then_some(ext::external_memory_host::NAME.as_ptr())
+        .into_iter()
+        .collect();
     let mut multiview = vk::PhysicalDeviceMultiviewFeatures::default().multiview(true);
     let features = vk::PhysicalDeviceFeatures::default().large_points(true);
     let info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
+        .enabled_extension_names(&extensions)
         .enabled_features(&features)
         .push_next(&mut multiview);
     // SAFETY: `describe` found the family and the features on this device.

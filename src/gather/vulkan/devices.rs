@@ -122,7 +122,8 @@ pub(super) fn describe(instance: &Instance, index: usize, device: vk::PhysicalDe
     }
 }
 
-fn kind(device_type: vk::PhysicalDeviceType) -> DeviceKind {
+/// What kind of hardware Vulkan says that it is.
+pub(super) fn kind(device_type: vk::PhysicalDeviceType) -> DeviceKind {
     match device_type {
         vk::PhysicalDeviceType::DISCRETE_GPU => DeviceKind::Discrete,
         vk::PhysicalDeviceType::INTEGRATED_GPU => DeviceKind::Integrated,

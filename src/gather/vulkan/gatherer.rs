@@ -1,18 +1,22 @@
 //! Batches in, ids out, several batches under way at once.
 
-use super::buffers::Buffer;
-use super::compute::write_tasks;
+use super::capabilities::memory_type;
+use super::clock::DeviceClock;
+use super::compute::{Computing, write_tasks};
 use super::context::{Context, out_of_memory};
 use super::devices::{DeviceInfo, DeviceKind};
 use super::draws::{Draws, splats_drawn};
-use super::pace::Pace;
-use super::record::{Drawing, rasterise, record};
+use super::memory::{self, MemoryPath};
+use super::pace::{InFlight, Pace};
+use super::readback::Readback;
+use super::record::{Drawing, copy, copy_computed, draw, record};
 use super::route::{Attachment, Method};
 use super::settings::{BatchSize, GatherStats, VulkanSettings};
 use super::slot::{Gear, Slot, slots};
 use super::validation::ValidationLog;
 use super::vertices::{SplatBuffers, tile_parts, write_instances};
 use crate::error::{Error, Result};
+use crate::gather::submits::SubmitTimes;
 use crate::gather::{Batch, Gathered, Gatherer, Output, check_resolution};
 use crate::hemicube::atlas::{AtlasLayout, IdAtlas};
 use crate::surfel::cloud::{Splat, SurfelShape};
@@ -37,6 +41,11 @@ pub struct VulkanGatherer {
     /// The cut of batches without cuts, where the method needs one: all surfels.
     all: Vec<u32>,
     stats: GatherStats,
+    clock: DeviceClock,
+    ended: Vec<SubmitTimes>,
+    in_flight: InFlight,
+    /// The way of ids to the host, and why that.
+    memory: (MemoryPath, &'static str),
     jobs: VecDeque<Job>,
     jobs_done: usize,
     flights: VecDeque<Flight>,
@@ -66,6 +75,17 @@ struct Flight {
     first_row: u32,
     layout: AtlasLayout,
     faces: Range<usize>,
+    started: Started,
+}
+
+/// What a submit was when it was handed to the driver.
+#[derive(Clone, Copy)]
+struct Started {
+    hemicubes: usize,
+    bytes_up: u64,
+    begun: Instant,
+    uploaded: Instant,
+    recorded: Instant,
     submitted: Instant,
 }
 
@@ -82,7 +102,14 @@ impl VulkanGatherer {
         let method = Method::new(&context, shape, splats.len(), &settings)?;
         let buffers = SplatBuffers::new(&context, splats, shape, method.usages().surfels)
             .map_err(|result| context.error("copying the surfels", result))?;
-        let gear = Gear { context: &context, method: &method, surfels: &buffers, parts: parts.len() };
+        let memory = memory_path(&context, &method, settings.memory)?;
+        let gear = Gear {
+            context: &context,
+            method: &method,
+            surfels: &buffers,
+            parts: parts.len(),
+            memory: memory.0,
+        };
         let (slots, largest) =
             slots(&gear, &settings).map_err(|result| context.error("taking memory for hemicubes", result))?;
         let all = match method {
@@ -101,6 +128,10 @@ impl VulkanGatherer {
             parts,
             all,
             stats: GatherStats::default(),
+            clock: DeviceClock::new(),
+            ended: Vec::new(),
+            in_flight: InFlight::new(settings.frames_in_flight, slots.len()),
+            memory,
             jobs: VecDeque::new(),
             jobs_done: 0,
             flights: VecDeque::new(),
@@ -117,6 +148,11 @@ impl VulkanGatherer {
     /// The device.
     pub fn device(&self) -> &DeviceInfo {
         &self.context.info
+    }
+
+    /// Whether it takes the compute route.
+    pub fn computes(&self) -> bool {
+        matches!(self.method, Method::Compute(_))
     }
 
     /// Where the time went so far.
@@ -165,18 +201,20 @@ impl VulkanGatherer {
             self.land()?;
         }
         let Some(index) = self.free.pop() else { return Err(vk::Result::ERROR_UNKNOWN) };
-        let launched = self.record_and_submit(index, pass, first_row, layout);
-        if launched.is_err() {
-            self.free.push(index);
-            return launched;
-        }
+        let started = match self.record_and_submit(index, pass, first_row, layout) {
+            Ok(started) => started,
+            Err(result) => {
+                self.free.push(index);
+                return Err(result);
+            }
+        };
         self.flights.push_back(Flight {
             slot: index,
             job: self.jobs_done + self.jobs.len() - 1,
             first_row,
             layout,
             faces: self.submits[pass].clone(),
-            submitted: Instant::now(),
+            started,
         });
         self.jobs.back_mut().into_iter().for_each(|job| job.pending += 1);
         self.stats.submits += 1;
@@ -189,30 +227,35 @@ impl VulkanGatherer {
         pass: usize,
         first_row: u32,
         layout: AtlasLayout,
-    ) -> VkResult<()> {
-        let started = Instant::now();
-        self.record(slot, pass, first_row, layout)?;
+    ) -> VkResult<Started> {
+        let begun = Instant::now();
+        let first = (first_row * layout.columns) as usize;
+        let (hemicubes, draws) = self.upload(slot, first, layout)?;
+        let uploaded = Instant::now();
+        self.record(slot, pass, (hemicubes, layout), &draws)?;
         let slot = &self.slots[slot];
         let recorded = Instant::now();
         let commands = [slot.commands];
         let submit = [vk::SubmitInfo::default().command_buffers(&commands)];
         // SAFETY: the slot is free, so its fence is unsignalled and its commands are not under way.
         unsafe { self.context.device.queue_submit(self.context.queue, &submit, slot.fence.raw) }?;
-        self.stats.record_seconds += (recorded - started).as_secs_f64();
-        self.stats.submit_seconds += recorded.elapsed().as_secs_f64();
-        Ok(())
+        let bytes_up =
+            hemicubes * self.method.hemicube_bytes(self.parts.len()) + size_of::<u32>() * draws.indices.len();
+        let submitted = Instant::now();
+        Ok(Started { hemicubes, bytes_up: bytes_up as u64, begun, uploaded, recorded, submitted })
     }
 
-    /// Writes a slot's buffers and commands.
-    fn record(&mut self, slot: usize, pass: usize, first_row: u32, layout: AtlasLayout) -> VkResult<()> {
-        let Some(Job { batch, .. }) = self.jobs.back() else { return Ok(()) };
+    /// Writes hemicubes of the youngest job, from `first` on, and their cuts where the device reads them; returns how many
+    /// hemicubes the layout holds of them, and what they draw.
+    fn upload(&mut self, slot: usize, first: usize, layout: AtlasLayout) -> VkResult<(usize, Draws)> {
+        let Some(Job { batch, .. }) = self.jobs.back() else { return Ok((0, Draws::default())) };
         let (context, parts) = (&self.context, self.parts.len());
-        let gear = Gear { context, method: &self.method, surfels: &self.splats, parts };
+        let gear =
+            Gear { context, method: &self.method, surfels: &self.splats, parts, memory: self.memory.0 };
         let slot = &mut self.slots[slot];
-        let first = (first_row * layout.columns) as usize;
         let range = first..batch.receivers.len().min(first + layout.capacity());
         let receivers = &batch.receivers[range.clone()];
-        let (draws, cuts) = if batch.groups.is_empty() && matches!(self.method, Method::Compute(_)) {
+        let (draws, cuts) = if batch.groups.is_empty() && self.method.computes() {
             (Draws::of_list(receivers.len(), self.all.len()), &self.all)
         } else {
             (Draws::new(batch, range), &batch.cuts)
@@ -222,52 +265,87 @@ impl VulkanGatherer {
             Method::Raster(_) => write_instances(&mut slot.hemicubes, receivers, layout, &self.parts),
             Method::Compute(_) => write_tasks(&mut slot.hemicubes, receivers, &draws),
         }
-        let slot = &*slot;
-        record(context, slot, || match (&self.method, &slot.attachment) {
+        Ok((receivers.len(), draws))
+    }
+
+    /// Records a slot's commands.
+    fn record(
+        &self,
+        slot: usize,
+        pass: usize,
+        (hemicubes, layout): (usize, AtlasLayout),
+        draws: &Draws,
+    ) -> VkResult<()> {
+        let (context, slot, parts) = (&*self.context, &self.slots[slot], self.parts.len());
+        match (&self.method, &slot.attachment) {
             (Method::Raster(passes), Attachment::Targets(targets)) => {
                 let drawing = Drawing {
                     pass: &passes[pass],
                     targets,
                     framebuffer: pass,
                     splats: &self.splats,
-                    instances: (receivers.len() * parts) as u32,
+                    instances: (hemicubes * parts) as u32,
                     parts: parts as u32,
-                    draws: &draws,
+                    draws,
                     layout,
                 };
-                rasterise(context, slot, &drawing);
+                record(context, slot, || draw(context, slot, &drawing), || copy(context, slot, &drawing))
             }
             (Method::Compute(compute), Attachment::Bindings(bindings)) => {
-                compute.record(context, slot.commands, bindings, (receivers.len(), layout), &slot.readback);
+                let computing = Computing { bindings, ids: slot.drawn_into(), draws, hemicubes, layout };
+                let compute = || compute.record(context, slot.commands, &computing);
+                record(context, slot, compute, || copy_computed(context, slot, 4 * layout.texels()))
             }
             // A slot's attachment is its method's.
-            _ => {}
-        })
+            _ => Ok(()),
+        }
     }
 
     /// Waits for the oldest submit and puts its ids where they belong.
     fn land(&mut self) -> VkResult<()> {
         let Some(flight) = self.flights.pop_front() else { return Ok(()) };
         let slot = &self.slots[flight.slot];
-        let (started, fences) = (Instant::now(), [slot.fence.raw]);
+        let fences = [slot.fence.raw];
         // SAFETY: the fence was submitted; after waiting nothing uses it.
         unsafe {
             self.context.device.wait_for_fences(&fences, true, u64::MAX)?;
             self.context.device.reset_fences(&fences)?;
         }
-        let waited = Instant::now();
-        let gpu_seconds = slot.gpu_seconds(&self.context);
+        let done = Instant::now();
+        let Started { hemicubes, bytes_up, begun, uploaded, recorded, submitted } = flight.started;
+        let timestamps = slot.timestamps(&self.context);
+        let device = timestamps.map(|times| self.clock.place(times, recorded, done));
+        slot.readback.refresh()?;
         let job = &mut self.jobs[flight.job - self.jobs_done];
         job.pending -= 1;
-        let bytes = read(&slot.readback, &flight, &mut job.atlas);
-        let busy = gpu_seconds.unwrap_or_else(|| (waited - flight.submitted).as_secs_f64());
-        self.pace.learn(flight.layout.capacity() as f64 * job.splats, busy);
-        self.stats.wait_seconds += (waited - started).as_secs_f64();
-        self.stats.read_seconds += waited.elapsed().as_secs_f64();
-        self.stats.gpu_seconds += gpu_seconds.unwrap_or_default();
-        self.stats.readback_bytes += bytes;
+        let bytes_down = read(&slot.readback, &flight, &mut job.atlas);
+        let (queue, read) = (0, Instant::now());
+        let splats = flight.layout.capacity() as f64 * job.splats;
+        let times = SubmitTimes {
+            queue,
+            hemicubes,
+            bytes_up,
+            bytes_down,
+            begun,
+            uploaded,
+            recorded,
+            submitted,
+            device,
+            done,
+            read,
+        };
+        self.learn(&times, splats);
         self.free.push(flight.slot);
         Ok(())
+    }
+
+    /// Learns from a submit that drew `splats` surfels.
+    fn learn(&mut self, times: &SubmitTimes, splats: f64) {
+        let (from, to) = times.device.map_or((times.submitted, times.done), |d| (d.began, d.copied));
+        self.pace.learn(splats, to.saturating_duration_since(from).as_secs_f64());
+        self.in_flight.learn(times);
+        self.stats.add(times);
+        self.ended.push(*times);
     }
 
     fn land_all(&mut self) -> VkResult<()> {
@@ -292,7 +370,7 @@ impl Gatherer for VulkanGatherer {
     }
 
     fn frames_in_flight(&self) -> usize {
-        self.slots.len()
+        self.in_flight.count()
     }
 
     fn readback_bytes(&self, atlas: &IdAtlas) -> usize {
@@ -318,6 +396,33 @@ impl Gatherer for VulkanGatherer {
         self.jobs_done += 1;
         Ok(Some(Gathered { batch: job.batch, output: Output::Ids(job.atlas) }))
     }
+
+    fn take_submits(&mut self) -> Vec<SubmitTimes> {
+        std::mem::take(&mut self.ended)
+    }
+
+    fn strategy(&self) -> String {
+        let drawn = if self.method.computes() { "computed" } else { "rasterised" };
+        let (path, reason) = self.memory;
+        let (size, most) = (self.batch_size(), self.slots.len());
+        format!(
+            "hemicubes are {drawn}, up to {size} a batch and up to {most} batches under way at once; {path}: {reason}"
+        )
+    }
+}
+
+/// The way of ids to the host that the settings and the device choose, and why.
+fn memory_path(context: &Context, method: &Method, asked: MemoryPath) -> Result<(MemoryPath, &'static str)> {
+    let types: Vec<_> = context.memory.memory_types_as_slice().iter().filter_map(memory_type).collect();
+    let (import, computed) = (context.import.is_some(), method.computes());
+    if asked == MemoryPath::Auto {
+        return Ok(memory::suitable(&types, import, computed));
+    }
+    if !memory::offered(asked, &types, import, computed) {
+        let message = format!("has no memory for ids that are {}", asked.name());
+        return Err(Error::Device { device: context.info.name.clone(), message });
+    }
+    Ok((asked, "asked for"))
 }
 
 impl Drop for VulkanGatherer {
@@ -329,16 +434,14 @@ impl Drop for VulkanGatherer {
 }
 
 /// Copies the ids of a submit to their rows in the whole batch's atlas; returns the number of bytes.
-fn read(readback: &Buffer, flight: &Flight, atlas: &mut IdAtlas) -> u64 {
-    let size = 4 * flight.layout.texels();
-    let texels: &[u32] = bytemuck::cast_slice(&readback.bytes()[..size]);
+fn read(readback: &Readback, flight: &Flight, atlas: &mut IdAtlas) -> u64 {
     let first_tile = (flight.first_row * flight.layout.columns) as usize;
     let mut bytes = 0;
     for face in flight.faces.clone() {
         let count = (flight.layout.width() * flight.layout.height(face)) as usize;
         let from = flight.layout.row_start(face, 0, 0);
         let to = atlas.layout.row_start(face, first_tile, 0);
-        atlas.texels[to..to + count].copy_from_slice(&texels[from..from + count]);
+        readback.read(from, &mut atlas.texels[to..to + count]);
         bytes += 4 * count as u64;
     }
     bytes

@@ -132,6 +132,24 @@ fn push_constants_lie_where_the_shader_reads_them() {
 }
 
 #[test]
+fn the_compute_shader_reads_push_constants_where_they_lie() {
+    use super::compute::{Dispatch, shader};
+    let ours = [offset_of!(Dispatch, columns), offset_of!(Dispatch, rows), offset_of!(Dispatch, drawn)];
+    let ours: BTreeMap<u32, u32> = ours.iter().enumerate().map(|(i, &o)| (i as u32, o as u32)).collect();
+    for shape in SHAPES {
+        let interface = interface(shader(shape));
+        assert_eq!(interface.push_constants, ours, "{shape:?}");
+        let own = CONSTANTS as u32..CONSTANTS as u32 + 5;
+        assert!(
+            own.clone().all(|id| interface.constants.contains(&id)),
+            "{shape:?}: {:?}",
+            interface.constants
+        );
+        assert!(interface.constants.iter().all(|&id| id < own.end), "{shape:?}: {:?}", interface.constants);
+    }
+}
+
+#[test]
 fn every_specialisation_constant_is_filled_in() {
     for shape in SHAPES {
         let used: BTreeSet<u32> = shaders(shape).iter().flat_map(|code| interface(code).constants).collect();

@@ -30,6 +30,7 @@ destroyed_by! {
     CommandPool: destroy_command_pool;
     DescriptorPool: destroy_descriptor_pool;
     DescriptorSetLayout: destroy_descriptor_set_layout;
+    DeviceMemory: free_memory;
     Fence: destroy_fence;
     Framebuffer: destroy_framebuffer;
     Image: destroy_image;

@@ -1,5 +1,6 @@
-//! The commands of one submit. On the raster route: draw all hemicubes, copy their ids into the readback buffer.
+//! The commands of one submit: draw all hemicubes, copy their ids into the readback buffer.
 
+use super::buffers::visible;
 use super::context::Context;
 use super::draws::Draws;
 use super::pass::{Pass, Viewport};
@@ -30,37 +31,42 @@ pub(super) struct Drawing<'a> {
     pub layout: AtlasLayout,
 }
 
-/// Records a submit into the slot's command buffer, which the device must not be using: what `work` records, and the time
-/// that it takes.
-pub(super) fn record(context: &Context, slot: &Slot, work: impl FnOnce()) -> VkResult<()> {
+/// Timestamps of a submit: before drawing, after it, and after the copy.
+pub(super) const TIMESTAMPS: u32 = 3;
+
+/// Records a submit into the slot's command buffer, which the device must not be using: what `draw` and `copy` record, and
+/// when each begins and ends.
+pub(super) fn record(
+    context: &Context,
+    slot: &Slot,
+    draw: impl FnOnce(),
+    copy: impl FnOnce(),
+) -> VkResult<()> {
     let (device, commands) = (&context.device, slot.commands);
     let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
     // SAFETY: the caller promises that the command buffer is idle; its pool allows it to be begun again.
     unsafe { device.begin_command_buffer(commands, &begin) }?;
-    if let Some(timer) = &slot.timer {
-        // SAFETY: the command buffer is recording, outside a render pass; the pool has two queries.
-        unsafe {
-            device.cmd_reset_query_pool(commands, timer.raw, 0, 2);
-            device.cmd_write_timestamp(commands, vk::PipelineStageFlags::TOP_OF_PIPE, timer.raw, 0);
+    let stamp = |stage, query| {
+        if let Some(timer) = &slot.timer {
+            // SAFETY: the command buffer is recording, outside a render pass; the pool has this query.
+            unsafe { device.cmd_write_timestamp(commands, stage, timer.raw, query) };
         }
-    }
-    work();
+    };
     if let Some(timer) = &slot.timer {
         // SAFETY: as above.
-        unsafe { device.cmd_write_timestamp(commands, vk::PipelineStageFlags::BOTTOM_OF_PIPE, timer.raw, 1) };
+        unsafe { device.cmd_reset_query_pool(commands, timer.raw, 0, TIMESTAMPS) };
     }
+    stamp(vk::PipelineStageFlags::TOP_OF_PIPE, 0);
+    draw();
+    stamp(vk::PipelineStageFlags::BOTTOM_OF_PIPE, 1);
+    copy();
+    stamp(vk::PipelineStageFlags::BOTTOM_OF_PIPE, 2);
     // SAFETY: the command buffer is recording.
     unsafe { device.end_command_buffer(commands) }
 }
 
-/// Draws and copies.
-pub(super) fn rasterise(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
-    draw(context, slot, drawing);
-    copy(context, slot, drawing);
-}
-
 /// The render pass.
-fn draw(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
+pub(super) fn draw(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
     let (device, commands, pass) = (&context.device, slot.commands, drawing.pass);
     let (width, height) = (drawing.layout.width(), drawing.layout.height(0));
     let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
@@ -120,30 +126,44 @@ fn draw_splats(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
 }
 
 /// One copy packs the used part of every drawn layer into the readback buffer; then the host may read it.
-fn copy(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
-    let (device, commands) = (&context.device, slot.commands);
+pub(super) fn copy(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
     let regions = regions(drawing);
-    let visible = [slot.readback.visible_to_host(vk::AccessFlags::TRANSFER_WRITE)];
     // SAFETY: the command buffer is recording, outside a render pass; the pass left the image in this layout, and the
     // buffer holds a whole atlas.
     unsafe {
-        device.cmd_copy_image_to_buffer(
-            commands,
+        context.device.cmd_copy_image_to_buffer(
+            slot.commands,
             drawing.targets.ids.raw(),
             vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
             slot.readback.raw(),
             &regions,
         );
-        device.cmd_pipeline_barrier(
-            commands,
-            vk::PipelineStageFlags::TRANSFER,
-            vk::PipelineStageFlags::HOST,
-            vk::DependencyFlags::empty(),
-            &[],
-            &visible,
-            &[],
-        );
     }
+    show_host(context, slot, (vk::PipelineStageFlags::TRANSFER, vk::AccessFlags::TRANSFER_WRITE));
+}
+
+/// Copies `bytes` of computed ids into the readback buffer, where they were not computed into it; then the host may read it.
+pub(super) fn copy_computed(context: &Context, slot: &Slot, bytes: usize) {
+    let shader = (vk::PipelineStageFlags::COMPUTE_SHADER, vk::AccessFlags::SHADER_WRITE);
+    let Some(ids) = &slot.ids else { return show_host(context, slot, shader) };
+    let transfer = vk::PipelineStageFlags::TRANSFER;
+    let finished = [visible(ids.raw(), shader.1, vk::AccessFlags::TRANSFER_READ)];
+    let regions = [vk::BufferCopy::default().size(bytes as u64)];
+    let (device, none) = (&context.device, vk::DependencyFlags::empty());
+    // SAFETY: the command buffer is recording; both buffers hold a whole atlas.
+    unsafe {
+        device.cmd_pipeline_barrier(slot.commands, shader.0, transfer, none, &[], &finished, &[]);
+        device.cmd_copy_buffer(slot.commands, ids.raw(), slot.readback.raw(), &regions);
+    }
+    show_host(context, slot, (transfer, vk::AccessFlags::TRANSFER_WRITE));
+}
+
+/// Lets the host see the readback buffer after a stage that wrote it.
+fn show_host(context: &Context, slot: &Slot, (stage, access): (vk::PipelineStageFlags, vk::AccessFlags)) {
+    let seen = [visible(slot.readback.raw(), access, vk::AccessFlags::HOST_READ)];
+    let (host, none) = (vk::PipelineStageFlags::HOST, vk::DependencyFlags::empty());
+    // SAFETY: the command buffer is recording, outside a render pass.
+    unsafe { context.device.cmd_pipeline_barrier(slot.commands, stage, host, none, &[], &seen, &[]) };
 }
 
 /// The top face, and all sides together: they have the same height, so that one region packs them all.

@@ -13,6 +13,7 @@ use crate::hemicube::atlas::AtlasLayout;
 use crate::hemicube::frame::FACES;
 use crate::surfel::cloud::SurfelShape;
 use ash::prelude::VkResult;
+use ash::vk;
 use ash::vk::BufferUsageFlags as Usage;
 use std::ops::Range;
 use std::sync::Arc;
@@ -32,7 +33,7 @@ pub(super) enum Method {
 /// What a slot holds for its method, besides buffers.
 pub(super) enum Attachment {
     /// Images to draw into.
-    Targets(Targets),
+    Targets(Box<Targets>),
     /// The buffers as the compute shader sees them.
     Bindings(Bindings),
 }
@@ -58,17 +59,24 @@ impl Method {
         settings: &VulkanSettings,
     ) -> Result<Self> {
         let method = match choose(context, surfels, settings)? {
-            Some(lanes) => Compute::new(context, shape, settings.resolution, lanes).map(Self::Compute),
+            Some(lanes) => {
+                Compute::new(context, shape, surfels, [settings.resolution, lanes]).map(Self::Compute)
+            }
             None => passes(context, shape, settings).map(Self::Raster),
         };
         method.map_err(|result| context.error("building the hemicube pipeline", result))
+    }
+
+    /// Whether ids are computed, into a buffer.
+    pub fn computes(&self) -> bool {
+        matches!(self, Self::Compute(_))
     }
 
     /// The submits that some rows of tiles take: the faces that each draws.
     pub fn submits(&self) -> Vec<Range<usize>> {
         match self {
             Self::Raster(passes) => passes.iter().map(|pass| pass.faces.clone()).collect(),
-            Self::Compute(_) => vec![0..FACES],
+            Self::Compute(_) => std::iter::once(0..FACES).collect(),
         }
     }
 
@@ -106,18 +114,19 @@ impl Method {
         }
     }
 
-    /// What a slot needs besides its buffers, which are given: hemicubes, cuts and ids.
+    /// What a slot needs besides its buffers, which are given: hemicubes and cuts, and what ids are drawn into where that is a buffer.
     pub fn attachment(
         &self,
         context: &Arc<Context>,
         surfels: &SplatBuffers,
         layout: AtlasLayout,
-        buffers: [&Buffer; 3],
+        buffers: [&Buffer; 2],
+        ids: vk::Buffer,
     ) -> VkResult<Attachment> {
         Ok(match self {
-            Self::Raster(passes) => Attachment::Targets(Targets::new(context, passes, layout)?),
+            Self::Raster(passes) => Attachment::Targets(Box::new(Targets::new(context, passes, layout)?)),
             Self::Compute(compute) => {
-                Attachment::Bindings(Bindings::new(context, compute, surfels, buffers)?)
+                Attachment::Bindings(Bindings::new(context, compute, surfels, buffers, ids)?)
             }
         })
     }

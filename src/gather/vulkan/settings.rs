@@ -1,7 +1,10 @@
 //! What a caller chooses, and what the gatherer measures.
 
+use super::memory::MemoryPath;
 use crate::error::Error;
+use crate::gather::submits::SubmitTimes;
 use std::str::FromStr;
+use std::time::Instant;
 
 /// How many hemicubes go into one batch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -67,10 +70,12 @@ pub struct VulkanSettings {
     pub resolution: u32,
     /// Hemicubes a batch.
     pub batch: BatchSize,
-    /// Batches under way at once, each with its own images and buffers; at least 1.
+    /// Batches under way at once, each with its own images and buffers; 0: as many as keep the device busy.
     pub frames_in_flight: usize,
     /// How hemicubes are drawn.
     pub route: Route,
+    /// The way of ids to the host.
+    pub memory: MemoryPath,
     /// Faces a render pass; more than one submit a batch means the raster route.
     pub faces: FacesPerPass,
     /// Bytes of device memory that all batches together may take; `None`: a quarter of the device's own memory.
@@ -84,12 +89,23 @@ impl Default for VulkanSettings {
         Self {
             resolution: 8,
             batch: BatchSize::Auto,
-            frames_in_flight: 3,
+            frames_in_flight: 0,
             route: Route::Auto,
+            memory: MemoryPath::Auto,
             faces: FacesPerPass::All,
             memory_budget: None,
             validation: false,
         }
+    }
+}
+
+/// Most batches under way at once where the number tunes itself.
+const MOST_IN_FLIGHT: usize = 4;
+
+impl VulkanSettings {
+    /// Batches that there is room for.
+    pub(super) fn slots(&self) -> usize {
+        if self.frames_in_flight == 0 { MOST_IN_FLIGHT } else { self.frames_in_flight }
     }
 }
 
@@ -106,7 +122,7 @@ pub struct GatherStats {
     pub record_seconds: f64,
     /// In `vkQueueSubmit`.
     pub submit_seconds: f64,
-    /// Waiting for fences.
+    /// From there until their fences were seen.
     pub wait_seconds: f64,
     /// Copying ids out of the readback buffers.
     pub read_seconds: f64,
@@ -114,4 +130,17 @@ pub struct GatherStats {
     pub gpu_seconds: f64,
     /// Ids copied back, bytes.
     pub readback_bytes: u64,
+}
+
+impl GatherStats {
+    /// Adds a submit.
+    pub(super) fn add(&mut self, submit: &SubmitTimes) {
+        let seconds = |from: Instant, to: Instant| to.saturating_duration_since(from).as_secs_f64();
+        self.record_seconds += seconds(submit.begun, submit.recorded);
+        self.submit_seconds += seconds(submit.recorded, submit.submitted);
+        self.wait_seconds += seconds(submit.submitted, submit.done);
+        self.read_seconds += seconds(submit.done, submit.read);
+        self.gpu_seconds += submit.device.map_or(0.0, |device| seconds(device.began, device.copied));
+        self.readback_bytes += submit.bytes_down;
+    }
 }

@@ -3,7 +3,10 @@
 use super::buffers::{Buffer, command_buffer};
 use super::context::{Context, out_of_memory};
 use super::devices::DeviceKind;
+use super::memory::MemoryPath;
 use super::owned::Owned;
+use super::readback::Readback;
+use super::record::TIMESTAMPS;
 use super::route::{Attachment, Method, Usages};
 use super::settings::{BatchSize, VulkanSettings};
 use super::vertices::SplatBuffers;
@@ -44,7 +47,8 @@ fn bytes_per_hemicube(gear: &Gear<'_>, resolution: u32) -> u64 {
     let texels = u64::from(resolution).pow(2);
     let images = match gear.method {
         Method::Raster(_) => 2 * 4 * FACES as u64 * texels,
-        Method::Compute(_) => 0,
+        Method::Compute(_) if gear.memory == MemoryPath::Mapped => 0,
+        Method::Compute(_) => 3 * 4 * texels,
     };
     images + 3 * 4 * texels + gear.method.hemicube_bytes(gear.parts) as u64
 }
@@ -62,7 +66,7 @@ fn wanted_batch(gear: &Gear<'_>, settings: &VulkanSettings) -> usize {
         BatchSize::Fixed(n) => n,
     };
     let budget = settings.memory_budget.unwrap_or(context.memory_bytes / 4);
-    let each = bytes_per_hemicube(gear, settings.resolution) * settings.frames_in_flight.max(1) as u64;
+    let each = bytes_per_hemicube(gear, settings.resolution) * settings.slots() as u64;
     let most = gear.method.most_hemicubes(context, settings.resolution);
     wanted.min(most).min((budget / each) as usize).max(1)
 }
@@ -73,7 +77,7 @@ pub(super) fn slots(gear: &Gear<'_>, settings: &VulkanSettings) -> VkResult<(Vec
     loop {
         let layout = largest_layout(gear.context, settings.resolution, hemicubes);
         let slot = |_| Slot::new(gear, layout);
-        match (0..settings.frames_in_flight.max(1)).map(slot).collect::<VkResult<_>>() {
+        match (0..settings.slots()).map(slot).collect::<VkResult<_>>() {
             Ok(slots) => return Ok((slots, layout)),
             Err(result) if out_of_memory(result) && hemicubes > 1 => hemicubes /= 2,
             Err(result) => return Err(result),
@@ -92,6 +96,8 @@ pub(super) struct Gear<'a> {
     pub surfels: &'a SplatBuffers,
     /// Parts in which the raster route draws a hemicube.
     pub parts: usize,
+    /// The way of ids to the host; not the automatic one.
+    pub memory: MemoryPath,
 }
 
 /// Buffers, commands and what else one frame in flight owns.
@@ -103,32 +109,45 @@ pub(super) struct Slot {
     pub hemicubes: Buffer,
     /// Indices of the surfels that each group draws, and one more that stands for none.
     pub cuts: Buffer,
+    /// What the ids are computed into, where that is not the readback buffer.
+    pub ids: Option<Buffer>,
     /// The packed atlas.
-    pub readback: Buffer,
+    pub readback: Readback,
     /// The commands.
     pub commands: vk::CommandBuffer,
     _pool: Owned<vk::CommandPool>,
     /// Signalled when the commands are done.
     pub fence: Owned<vk::Fence>,
-    /// Two timestamps, where the queue has them.
+    /// Timestamps, where the queue has them.
     pub timer: Option<Owned<vk::QueryPool>>,
 }
 
 impl Slot {
     /// Takes everything that drawing an atlas of this layout needs.
     fn new(gear: &Gear<'_>, layout: AtlasLayout) -> VkResult<Self> {
-        let Gear { context, method, surfels, parts } = *gear;
+        let Gear { context, method, surfels, parts, memory } = *gear;
         let Usages { hemicubes, cuts, ids, .. } = method.usages();
         let bytes = layout.capacity() * method.hemicube_bytes(parts);
         let hemicubes = Buffer::new(context, "hemicubes", bytes, hemicubes, MemoryLocation::CpuToGpu)?;
-        let (bytes, back) = (4 * layout.texels(), MemoryLocation::GpuToCpu);
-        let readback = Buffer::new(context, "id readback", bytes, ids, back)?;
+        let bytes = 4 * layout.texels();
+        let usage = if memory == MemoryPath::Mapped { ids } else { vk::BufferUsageFlags::TRANSFER_DST };
+        let readback = Readback::new(context, bytes, usage, memory)?;
+        let apart = method.computes() && memory != MemoryPath::Mapped;
+        let ids = ids | vk::BufferUsageFlags::TRANSFER_SRC;
+        let ids =
+            apart.then(|| Buffer::new(context, "ids", bytes, ids, MemoryLocation::GpuOnly)).transpose()?;
         let cuts = cut_buffer(context, FIRST_INDICES, cuts)?;
-        let attachment = method.attachment(context, surfels, layout, [&hemicubes, &cuts, &readback])?;
+        let drawn = ids.as_ref().map_or(readback.raw(), Buffer::raw);
+        let attachment = method.attachment(context, surfels, layout, [&hemicubes, &cuts], drawn)?;
         let (pool, commands) = command_buffer(context, "hemicubes")?;
         let fence = fence(context)?;
         let timer = context.timestamp_seconds.is_some().then(|| timer(context)).transpose()?;
-        Ok(Self { attachment, layout, hemicubes, cuts, readback, commands, _pool: pool, fence, timer })
+        Ok(Self { attachment, layout, hemicubes, cuts, ids, readback, commands, _pool: pool, fence, timer })
+    }
+
+    /// The buffer that ids are computed into.
+    pub fn drawn_into(&self) -> vk::Buffer {
+        self.ids.as_ref().map_or(self.readback.raw(), Buffer::raw)
     }
 
     /// Puts the indices of all cuts into their buffer, which grows when it must. The device must not be using the slot.
@@ -137,8 +156,10 @@ impl Slot {
         if self.cuts.bytes().len() < bytes.len() + size_of::<u32>() {
             let room = (indices.len() + 1).next_power_of_two();
             let cuts = cut_buffer(gear.context, room, gear.method.usages().cuts)?;
-            let buffers = [&self.hemicubes, &cuts, &self.readback];
-            self.attachment = gear.method.attachment(gear.context, gear.surfels, self.layout, buffers)?;
+            let buffers = [&self.hemicubes, &cuts];
+            let drawn = self.drawn_into();
+            self.attachment =
+                gear.method.attachment(gear.context, gear.surfels, self.layout, buffers, drawn)?;
             self.cuts = cuts;
         }
         let room = self.cuts.bytes_mut();
@@ -147,14 +168,14 @@ impl Slot {
         Ok(())
     }
 
-    /// Seconds between the two timestamps of the last submit, which must be done.
-    pub fn gpu_seconds(&self, context: &Context) -> Option<f64> {
+    /// Timestamps of the last submit, which must be done, nanoseconds.
+    pub fn timestamps(&self, context: &Context) -> Option<[u64; TIMESTAMPS as usize]> {
         let (timer, seconds) = (self.timer.as_ref()?, context.timestamp_seconds?);
-        let mut ticks = [0u64; 2];
+        let mut ticks = [0u64; TIMESTAMPS as usize];
         let flags = vk::QueryResultFlags::TYPE_64;
-        // SAFETY: the pool has two queries, and both were written by the submit.
+        // SAFETY: the pool has so many queries, and the submit wrote all of them.
         unsafe { context.device.get_query_pool_results(timer.raw, 0, &mut ticks, flags) }.ok()?;
-        Some(ticks[1].saturating_sub(ticks[0]) as f64 * seconds)
+        Some(ticks.map(|t| (t as f64 * seconds * 1e9) as u64))
     }
 }
 
@@ -169,7 +190,8 @@ fn fence(context: &Arc<Context>) -> VkResult<Owned<vk::Fence>> {
 }
 
 fn timer(context: &Arc<Context>) -> VkResult<Owned<vk::QueryPool>> {
-    let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(2);
+    let info =
+        vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(TIMESTAMPS);
     // SAFETY: the device is alive and its queue has timestamps; the pool is owned at once.
     let raw = unsafe { context.device.create_query_pool(&info, None) }?;
     Ok(Owned::new(context, "hemicube timer", raw))

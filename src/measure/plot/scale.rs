@@ -156,7 +156,7 @@ mod tests {
     #[test]
     fn numbers_are_round_and_few() {
         assert_eq!(words(Scale::Log, Format::Plain, &[0.2, 9.0]), "0.2 0.5 1 2 5 10");
-        assert_eq!(words(Scale::Log, Format::Count, &[500.0, 2e6]), "1k 10k 100k 1M");
+        assert_eq!(words(Scale::Log, Format::Count, &[800.0, 1.5e6]), "1k 3k 10k 30k 100k 300k 1M");
         assert_eq!(words(Scale::Log, Format::Percent, &[0.004, 0.06]), "0.5 % 1 % 2 % 5 %");
         assert_eq!(words(Scale::Linear, Format::Plain, &[1.0, 11.0]), "0 2 4 6 8 10");
     }

@@ -111,23 +111,28 @@ fn scenes(records: &[Record]) -> String {
     names.join(", ")
 }
 
-/// Records by scene, by device or by way of gathering: the first of these in which they differ.
+/// Records by scene; those of one scene by what gathers, unless that is but one of the settings that vary one at a time.
 fn groups(records: &[Record]) -> Vec<(String, Vec<&Record>)> {
-    let kinds: [fn(&Record) -> String; 3] =
-        [|r| r.scene.clone(), |r| r.words(Setting::Device), |r| r.words(Setting::Gather)];
-    let grouped = kinds.map(|kind| {
-        let mut groups: Vec<(String, Vec<&Record>)> = Vec::new();
-        for record in records {
-            let name = kind(record);
-            match groups.iter_mut().find(|(known, _)| *known == name) {
-                Some((_, members)) => members.push(record),
-                None => groups.push((name, vec![record])),
-            }
+    let by_scene = grouped(records, |record| record.scene.clone());
+    if by_scene.len() > 1 || records.iter().any(|record| record.vary == Vary::Each) {
+        return by_scene;
+    }
+    grouped(records, |record| match (record.words(Setting::Gather), record.words(Setting::Device)) {
+        (gather, device) if device == "-" || device == "auto" => gather,
+        (gather, device) => format!("{gather}, {device}"),
+    })
+}
+
+fn grouped(records: &[Record], kind: impl Fn(&Record) -> String) -> Vec<(String, Vec<&Record>)> {
+    let mut groups: Vec<(String, Vec<&Record>)> = Vec::new();
+    for record in records {
+        let name = kind(record);
+        match groups.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, members)) => members.push(record),
+            None => groups.push((name, vec![record])),
         }
-        groups
-    });
-    let [first, rest @ ..] = grouped;
-    std::iter::once(first.clone()).chain(rest).find(|groups| groups.len() > 1).unwrap_or(first)
+    }
+    groups
 }
 
 /// Lines over time where lists are not a grid: of each setting alone, or of all together; points carry their values.
@@ -136,7 +141,7 @@ fn lines<'a>(members: &[&'a Record]) -> Vec<(String, Vec<(&'a Record, String)>)>
         let each = members.iter().copied().filter(|record| record.vary == Vary::Each);
         let line = series(each, setting);
         let label =
-            |record: &Record| if record.quality.is_some() { String::new() } else { record.words(setting) };
+            |record: &Record| if record.quality.is_some() { String::new() } else { short(record, setting) };
         (line.len() > 1)
             .then(|| (setting.name(), line.into_iter().map(|record| (record, label(record))).collect()))
     });
@@ -149,10 +154,22 @@ fn lines<'a>(members: &[&'a Record]) -> Vec<(String, Vec<(&'a Record, String)>)>
     if let Some(first) = together.first() {
         let name = first.varied.iter().map(|setting| setting.name()).collect::<Vec<_>>().join(", ");
         let label =
-            |record: &Record| record.varied.iter().map(|s| record.words(*s)).collect::<Vec<_>>().join(", ");
+            |record: &Record| record.varied.iter().map(|s| short(record, *s)).collect::<Vec<_>>().join(", ");
         lines.push((name, together.iter().map(|record| (*record, label(record))).collect()));
     }
     lines
+}
+
+/// A setting's value beside a point.
+fn short(record: &Record, setting: Setting) -> String {
+    match record.number(setting) {
+        Some(number) => format_of(setting).words(number),
+        None => record.words(setting),
+    }
+}
+
+fn format_of(setting: Setting) -> Format {
+    if setting == Setting::Surfels { Format::Count } else { Format::Plain }
 }
 
 /// The values of a setting, in order; what is no number (`off`) comes first.
@@ -171,7 +188,7 @@ fn values(setting: Setting, records: &[Record]) -> Vec<String> {
 fn setting_axis(setting: Setting, values: &[String]) -> Axis {
     let numbers: Vec<f64> =
         values.iter().filter_map(|value| value.parse().ok()).filter(|v| *v > 0.0).collect();
-    let format = if setting == Setting::Surfels { Format::Count } else { Format::Plain };
+    let format = format_of(setting);
     if numbers.len() < values.len() {
         let ticks = values.iter().enumerate().map(|(i, value)| (i as f64, value.clone())).collect();
         return Axis { ticks, ..Axis::new(setting.name(), Scale::Linear, format) };
@@ -258,6 +275,17 @@ mod tests {
     }
 
     #[test]
+    fn devices_and_ways_of_gathering_have_colours_too() {
+        let at =
+            |gather, device| record(json!({ "gather": gather, "device": device }), &["gather"], 1.0, 1e-4);
+        let records =
+            [at("hemicube", json!("cpu")), at("hemicube", json!("vulkan")), at("traced", json!(null))];
+        let plot = over_time(&records, String::new());
+        let named: Vec<&str> = names(&plot).into_iter().filter(|name| !name.is_empty()).collect();
+        assert_eq!(named, ["hemicube, cpu", "hemicube, vulkan", "traced"]);
+    }
+
+    #[test]
     fn lines_over_a_setting_join_what_agrees_in_the_rest() {
         let at = |n: u32, lod: u32| {
             record(json!({ "face_resolution": n, "lod": lod }), &["face_resolution", "lod"], 1.0, 1e-4)
@@ -296,7 +324,7 @@ mod tests {
         let over_time = over_time(&records, String::new());
         assert_eq!(
             (names(&over_time)[0], over_time.series[0].points[1].label.as_str()),
-            ("face resolution, surfels", "8, 4000")
+            ("face resolution, surfels", "8, 4k")
         );
     }
 }

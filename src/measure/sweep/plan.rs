@@ -88,7 +88,7 @@ pub enum Vary {
     /// Every value with every other
     #[default]
     Grid,
-    /// One setting at a time, the others as the quality has them
+    /// One setting at a time; the others as the quality has them, or as a list of a single value says
     Each,
     /// The first values of all lists, then the second ones, and so on
     Together,
@@ -125,11 +125,15 @@ pub struct Candidate {
 /// More than this is a mistake: a year of renders.
 const MOST: usize = 100_000;
 
-/// Combines lists.
+/// Combines lists. A list of a single value holds for all.
 ///
 /// # Errors
 /// [`Error::Usage`] when there would be too many renders, or lists that go together differ in length.
 pub fn combine(vary: Vary, lists: &[List]) -> Result<Vec<Candidate>> {
+    let (fixed, lists): (Vec<&List>, Vec<&List>) = lists.iter().partition(|(_, values)| values.len() == 1);
+    let words =
+        fixed.iter().flat_map(|(setting, values)| values.iter().map(|value| (*setting, value.clone())));
+    let base = Candidate { words: words.collect(), varied: Vec::new() };
     let sizes = lists.iter().map(|(_, values)| values.len());
     let count = match vary {
         Vary::Grid => sizes.fold(1, usize::saturating_mul),
@@ -138,38 +142,46 @@ pub fn combine(vary: Vary, lists: &[List]) -> Result<Vec<Candidate>> {
     if count > MOST {
         return Err(Error::Usage(format!("these lists make {count} renders; the most is {MOST}")));
     }
+    if lists.is_empty() {
+        return Ok(vec![base]);
+    }
     match vary {
-        Vary::Grid => Ok(grid(lists)),
-        Vary::Each => Ok(each(lists)),
-        Vary::Together => together(lists),
+        Vary::Grid => Ok(grid(base, &lists)),
+        Vary::Each => Ok(each(base, &lists)),
+        Vary::Together => together(base, &lists),
+    }
+}
+
+impl Candidate {
+    fn with(&self, setting: Setting, value: &str) -> Self {
+        let mut longer = self.clone();
+        longer.words.push((setting, value.to_owned()));
+        longer
     }
 }
 
 /// The last list varies fastest.
-fn grid(lists: &[List]) -> Vec<Candidate> {
-    let varied: Vec<Setting> = lists.iter().map(|(setting, _)| *setting).collect();
-    let mut grid = vec![Candidate { words: Vec::new(), varied }];
+fn grid(base: Candidate, lists: &[&List]) -> Vec<Candidate> {
+    let varied = lists.iter().map(|(setting, _)| *setting).collect();
+    let mut grid = vec![Candidate { varied, ..base }];
     for (setting, values) in lists {
-        let longer = |candidate: &Candidate, value: &String| {
-            let mut candidate = candidate.clone();
-            candidate.words.push((*setting, value.clone()));
-            candidate
-        };
-        grid = grid.iter().flat_map(|c| values.iter().map(|value| longer(c, value))).collect();
+        grid = grid.iter().flat_map(|c| values.iter().map(|value| c.with(*setting, value))).collect();
     }
     grid
 }
 
-fn each(lists: &[List]) -> Vec<Candidate> {
-    let alone = |setting: Setting, value: &String| Candidate {
-        words: vec![(setting, value.clone())],
-        varied: vec![setting],
-    };
-    lists.iter().flat_map(|(setting, values)| values.iter().map(|value| alone(*setting, value))).collect()
+/// The base itself comes first: it is part of every list.
+fn each(base: Candidate, lists: &[&List]) -> Vec<Candidate> {
+    let mut candidates = vec![base.clone()];
+    for (setting, values) in lists {
+        let alone = Candidate { varied: vec![*setting], ..base.clone() };
+        candidates.extend(values.iter().map(|value| alone.with(*setting, value)));
+    }
+    candidates
 }
 
-fn together(lists: &[List]) -> Result<Vec<Candidate>> {
-    let length = lists.first().map_or(0, |(_, values)| values.len());
+fn together(base: Candidate, lists: &[&List]) -> Result<Vec<Candidate>> {
+    let length = lists[0].1.len();
     if let Some((setting, values)) = lists.iter().find(|(_, values)| values.len() != length) {
         let (first, option) = (lists[0].0.option(), setting.option());
         let found = values.len();
@@ -177,10 +189,10 @@ fn together(lists: &[List]) -> Result<Vec<Candidate>> {
             "lists that go together are equally long, but {first} has {length} values and {option} has {found}"
         )));
     }
-    let nth = |i: usize| Candidate {
-        words: lists.iter().map(|(setting, values)| (*setting, values[i].clone())).collect(),
-        varied: lists.iter().map(|(setting, _)| *setting).collect(),
-    };
+    let varied: Vec<Setting> = lists.iter().map(|(setting, _)| *setting).collect();
+    let first = Candidate { varied, ..base };
+    let nth =
+        |i: usize| lists.iter().fold(first.clone(), |c, (setting, values)| c.with(*setting, &values[i]));
     Ok((0..length).map(nth).collect())
 }
 
@@ -217,11 +229,23 @@ mod tests {
         let grid = combine(Vary::Grid, &lists()).unwrap();
         assert_eq!(words(&grid), ["4 0", "4 1", "4 2", "8 0", "8 1", "8 2"]);
         let each = combine(Vary::Each, &lists()).unwrap();
-        assert_eq!(words(&each), ["4", "8", "0", "1", "2"]);
-        assert_eq!(each[4].varied, [Setting::Lod]);
+        assert_eq!(words(&each), ["", "4", "8", "0", "1", "2"]);
+        assert_eq!((each[0].varied.len(), each[5].varied.as_slice()), (0, &[Setting::Lod][..]));
         let two = &mut lists();
         two[1].1.pop();
         assert_eq!(words(&combine(Vary::Together, two).unwrap()), ["4 0", "8 1"]);
+    }
+
+    #[test]
+    fn single_values_hold_for_all() {
+        let mut lists = lists();
+        lists[0].1.truncate(1);
+        for vary in [Vary::Grid, Vary::Together] {
+            let found = combine(vary, &lists).unwrap();
+            assert_eq!(words(&found), ["4 0", "4 1", "4 2"]);
+            assert_eq!(found[0].varied, [Setting::Lod]);
+        }
+        assert_eq!(words(&combine(Vary::Each, &lists).unwrap()), ["4", "4 0", "4 1", "4 2"]);
     }
 
     #[test]

@@ -47,9 +47,9 @@ const MOST_PASSES: u32 = 1 << 16;
 /// Passes before noise can be told.
 const FIRST_PASSES: u32 = 8;
 /// Indirect paths a camera ray: a square number is stratified.
-const PATHS: u32 = 4;
+const PATHS: u32 = 16;
 /// Shadow rays a camera ray.
-const SHADOW_RAYS: u32 = 2;
+const SHADOW_RAYS: u32 = 4;
 /// Shadow rays of highlights, which are not estimated ray by ray.
 const GLOSS_RAYS: u32 = 16;
 /// Keeps the two halves' random numbers apart, and from those of renders.

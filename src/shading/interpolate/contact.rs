@@ -12,6 +12,9 @@ use rayon::prelude::*;
 /// Points of two surfaces further apart than so many lengths of their pixels do not tell that the surfaces meet.
 const ADJACENT: f32 = 1.5;
 
+/// What rises less than this share of a pixel's width above a surface lies in it.
+const FLAT: f32 = 1e-3;
+
 /// Whether each visible point shares its pixel, or a side of it, with another surface, and both face each other there.
 pub fn contacts(view: &View, visible: &Visible) -> Vec<bool> {
     let width = visible.width;
@@ -46,6 +49,3 @@ fn meet(view: &View, a: &ShadingPoint, b: &ShadingPoint) -> bool {
     let near = || offset.length() < ADJACENT * (view.length(a) + view.length(b));
     hollow && near() && !same_surface(a, b, footprint)
 }
-
-/// What rises less than this share of a pixel's width above a surface lies in it.
-const FLAT: f32 = 1e-3;

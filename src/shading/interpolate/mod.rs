@@ -4,7 +4,7 @@
 //! Interreflection", gave the measure: the harmonic mean distance of what a gather sees tells how quickly irradiance can
 //! change). A grid point is gathered where no record reaches. Each record is also predicted from its neighbours: where that goes
 //! wrong by more than the gathers' noise, the records around reach less far, and the next grid places more. Every other point takes a linear
-//! least-squares fit through the records around, which also averages their noise.
+//! least-squares fit through the records around, which also averages their noise. Points at contacts have records of their own.
 
 mod contact;
 mod diagnose;
@@ -23,11 +23,13 @@ use crate::interrupt;
 use crate::math::hash32;
 use crate::stats::Stage;
 use glam::Vec3;
-use std::ops::Range;
 use tiles::{Field, Place};
 
 /// Distances of the grids' points, pixels, from coarse to fine.
 const GRIDS: [u32; 4] = [16, 8, 4, 2];
+
+/// What is further than so many reaches from all records is gathered after all.
+const FARTHEST: f32 = 2.0;
 
 /// Indirect light at every visible point, zero where nothing reflects.
 ///
@@ -40,62 +42,25 @@ pub fn interpolate(
     tolerance: f32,
 ) -> Result<IndirectLight> {
     let clock = &gathering.run().clock;
-    let kinds = clock.time(Stage::Interpolate, || kinds(gathering, view, visible));
-    let is = |kind| {
-        let kinds = &kinds;
-        move |place: &Place| kinds[place.point] == kind
-    };
-    let mut open = Field::new(view, visible, tolerance);
-    let mut contacts = Field::new(view, visible, tolerance);
-    for (step, grid) in GRIDS.into_iter().enumerate() {
+    let mut fields = clock.time(Stage::Interpolate, || Fields::new(gathering, view, visible, tolerance));
+    for step in 0..GRIDS.len() {
         interrupt::check()?;
-        let (mut wanted, at_contacts) = clock.time(Stage::Interpolate, || {
-            let on_grid =
-                |place: &Place| place.main && on_grid(place.x, visible.rows.start + place.row, grid);
-            let in_turn = |place: &Place| turn(place.point) <= step;
-            rayon::join(
-                || uncovered(&open, |place| is(Kind::Open)(&place) && on_grid(&place)),
-                || uncovered(&contacts, |place| is(Kind::Contact)(&place) && in_turn(&place)),
-            )
-        });
-        let in_open = wanted.len();
-        wanted.extend(at_contacts);
-        let estimates = gather_at(gathering, visible, &wanted)?;
-        clock.time(Stage::Interpolate, || {
-            let found = |range: Range<usize>| {
-                wanted[range.clone()].iter().copied().zip(estimates[range].iter().copied())
-            };
-            open.add(found(0..in_open));
-            contacts.add(found(in_open..wanted.len()));
-        });
+        let wanted = clock.time(Stage::Interpolate, || fields.wanted(step));
+        let estimates = gather_at(gathering, visible, &wanted.points)?;
+        clock.time(Stage::Interpolate, || fields.add(&wanted, &estimates));
     }
     let mut irradiance = vec![Vec3::ZERO; visible.points.len()];
-    let missing = clock.time(Stage::Interpolate, || {
-        let mut missing = fill(&open, is(Kind::Open), &mut irradiance);
-        missing.extend(fill(&contacts, is(Kind::Contact), &mut irradiance));
-        missing
-    });
+    let missing = clock.time(Stage::Interpolate, || fields.fill(&mut irradiance));
     let estimates = gather_at(gathering, visible, &missing)?;
     missing.iter().zip(&estimates).for_each(|(&i, e)| irradiance[i as usize] = e.irradiance);
     let mut diagnostics = Vec::new();
     if gathering.diagnoses() {
-        diagnostics = diagnose(&kinds, &open, &contacts);
-        let noise = open.noise();
+        diagnostics = fields.diagnose();
+        let noise = fields.open.noise();
         let own = estimates.iter().map(|e| Diagnostics::of_gather(e, noise));
         missing.iter().zip(own).for_each(|(&i, d)| diagnostics[i as usize] = d);
     }
     Ok(IndirectLight { irradiance, diagnostics })
-}
-
-/// Diagnostics by visible point: nothing is known of those without light.
-fn diagnose(kinds: &[Kind], open: &Field, contacts: &Field) -> Vec<Diagnostics> {
-    let known = kinds.iter().zip(open.diagnose().into_iter().zip(contacts.diagnose()));
-    let known = known.map(|(kind, (open, contact))| match kind {
-        Kind::Unlit => None,
-        Kind::Open => open,
-        Kind::Contact => contact,
-    });
-    known.map(Option::unwrap_or_default).collect()
 }
 
 /// How a visible point is interpolated.
@@ -109,14 +74,84 @@ enum Kind {
     Contact,
 }
 
-fn kinds(gathering: &Gathering, view: &View, visible: &Visible) -> Vec<Kind> {
-    let contacts = contact::contacts(view, visible);
-    let kind = |(point, contact): (&ShadingPoint, bool)| match (gathering.reflects(point), contact) {
-        (false, _) => Kind::Unlit,
-        (true, false) => Kind::Open,
-        (true, true) => Kind::Contact,
-    };
-    visible.points.iter().zip(contacts).map(kind).collect()
+/// The records of both kinds of points.
+struct Fields<'v> {
+    kinds: Vec<Kind>,
+    first_row: u32,
+    open: Field<'v>,
+    contacts: Field<'v>,
+}
+
+/// Points to be gathered, those of the open field first.
+struct Wanted {
+    points: Vec<u32>,
+    in_open: usize,
+}
+
+impl<'v> Fields<'v> {
+    fn new(gathering: &Gathering, view: &'v View, visible: &'v Visible, tolerance: f32) -> Self {
+        let kind = |(point, contact): (&ShadingPoint, bool)| match (gathering.reflects(point), contact) {
+            (false, _) => Kind::Unlit,
+            (true, false) => Kind::Open,
+            (true, true) => Kind::Contact,
+        };
+        let contacts = contact::contacts(view, visible);
+        Self {
+            kinds: visible.points.iter().zip(contacts).map(kind).collect(),
+            first_row: visible.rows.start,
+            open: Field::new(view, visible, tolerance),
+            contacts: Field::new(view, visible, tolerance),
+        }
+    }
+
+    /// The points of a step's grid, and those at contacts whose turn has come, that no record reaches.
+    fn wanted(&self, step: usize) -> Wanted {
+        let on_grid = |place: &Place| place.main && on_grid(place.x, self.first_row + place.row, GRIDS[step]);
+        let (mut points, at_contacts) = rayon::join(
+            || uncovered(&self.open, |place| self.is(Kind::Open, &place) && on_grid(&place)),
+            || uncovered(&self.contacts, |place| self.is(Kind::Contact, &place) && turn(place.point) <= step),
+        );
+        let in_open = points.len();
+        points.extend(at_contacts);
+        Wanted { points, in_open }
+    }
+
+    fn add(&mut self, wanted: &Wanted, estimates: &[Estimate]) {
+        let (open, contacts) = wanted.points.split_at(wanted.in_open);
+        let (found_in_open, found_at_contacts) = estimates.split_at(wanted.in_open);
+        self.open.add(open.iter().copied().zip(found_in_open.iter().copied()));
+        self.contacts.add(contacts.iter().copied().zip(found_at_contacts.iter().copied()));
+    }
+
+    /// The fits everywhere; returns the points that have no record near.
+    fn fill(&self, irradiance: &mut [Vec3]) -> Vec<u32> {
+        let mut missing = Vec::new();
+        for (field, kind) in [(&self.open, Kind::Open), (&self.contacts, Kind::Contact)] {
+            for (i, fit) in field.fit(|place| self.is(kind, &place)).into_iter().flatten() {
+                match fit.irradiance {
+                    Some(e) if fit.distance < FARTHEST => irradiance[i as usize] = e,
+                    _ => missing.push(i),
+                }
+            }
+        }
+        missing
+    }
+
+    /// Diagnostics by visible point: nothing is known of those without light.
+    fn diagnose(&self) -> Vec<Diagnostics> {
+        let (open, contacts) = (self.open.diagnose(), self.contacts.diagnose());
+        let known =
+            self.kinds.iter().zip(open.into_iter().zip(contacts)).map(|(kind, (open, contact))| match kind {
+                Kind::Unlit => None,
+                Kind::Open => open,
+                Kind::Contact => contact,
+            });
+        known.map(Option::unwrap_or_default).collect()
+    }
+
+    fn is(&self, kind: Kind, place: &Place) -> bool {
+        self.kinds[place.point] == kind
+    }
 }
 
 /// Whether a pixel belongs to a grid, and to no coarser one.
@@ -135,21 +170,6 @@ fn turn(point: usize) -> usize {
 fn uncovered(field: &Field, wanted: impl Fn(Place) -> bool + Sync) -> Vec<u32> {
     let fits = field.fit(wanted);
     fits.into_iter().flatten().filter(|(_, fit)| fit.distance > 1.0).map(|(i, _)| i).collect()
-}
-
-/// What is further than so many reaches from all records is gathered after all.
-const FARTHEST: f32 = 2.0;
-
-/// The fit at all points of a field; returns those where no record is near.
-fn fill(field: &Field, member: impl Fn(&Place) -> bool + Sync, irradiance: &mut [Vec3]) -> Vec<u32> {
-    let mut missing = Vec::new();
-    for (i, fit) in field.fit(|place| member(&place)).into_iter().flatten() {
-        match fit.irradiance {
-            Some(e) if fit.distance < FARTHEST => irradiance[i as usize] = e,
-            _ => missing.push(i),
-        }
-    }
-    missing
 }
 
 fn gather_at(gathering: &mut Gathering, visible: &Visible, points: &[u32]) -> Result<Vec<Estimate>> {

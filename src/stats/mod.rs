@@ -310,7 +310,7 @@ mod tests {
         let mut stats = sample();
         stats.sections = vec![Section { key: "verify", label: "error", text: "small".into(), json }];
         assert_eq!(stats.to_json()["verify"]["rmse"], 0.5);
-        assert_eq!(stats.to_json().as_object().unwrap().keys().last().unwrap(), "verify");
+        assert_eq!(stats.to_json().as_object().unwrap().keys().next_back().unwrap(), "verify");
         assert!(stats.summary().ends_with("\nerror      small"), "{}", stats.summary());
     }
 

@@ -1,5 +1,7 @@
 //! `--verify`, `--target-error` and `--time-budget`, as a user meets them.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
+
 #[path = "cli/support.rs"]
 #[allow(dead_code)] // Shared with the tests of the command line, which use other parts of it.
 mod support;

@@ -106,7 +106,8 @@ fn the_parts_of_a_batch_add_up_to_its_wall_time() {
         assert!(cell.explained > 0.5 && cell.explained <= 1.0 + 1e-9, "{name}: {}", cell.explained);
         assert!(cell.parts.iter().all(|part| part.p5 >= 0.0 && part.p5 <= part.p99), "{name}: {cell:?}");
         if strategy.submits() > 0 {
-            assert_eq!(cell.bytes[1] * strategy.submits() as u64 / 768, 64, "{name}: 768 bytes a hemicube");
+            let down = (cell.bytes[1] * strategy.submits() as u64).div_ceil(768);
+            assert_eq!(down, 64, "{name}: 768 bytes a hemicube");
         }
     }
 }
@@ -261,5 +262,5 @@ fn a_timeline_is_nested_and_gpu_passes_lie_within_their_submits() {
     let busy = &read("s.json")["occupation"];
     assert!(busy["device"]["busy_seconds"].as_f64().unwrap() > 0.0, "{busy}");
     assert!((0.0..=1.5).contains(&busy["workers"]["share"].as_f64().unwrap()), "{busy}");
-    assert!(String::from_utf8_lossy(&output.stderr).contains("GPU queues busy"), "{output:?}");
+    assert!(String::from_utf8_lossy(&output.stderr).contains("GPU queue"), "{output:?}");
 }

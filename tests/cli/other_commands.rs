@@ -26,7 +26,7 @@ fn devices_tell_their_memory_when_asked() {
     let verbose = surflux(&["devices", "-v"]).expect(0).stdout;
     assert!(plain.lines().all(|line| verbose.lines().any(|l| l == line)), "{verbose}");
     let devices = plain.lines().filter(|line| line.contains(", Vulkan ")).count();
-    for label in ["memory", "heap 0", "type 0", "image size", "features"] {
+    for label in ["memory", "heap 0", "type 0", "image size", "features", "strategy"] {
         let lines = verbose.lines().filter(|line| line.trim_start().starts_with(label)).count();
         assert_eq!(lines, devices, "{label}: {verbose}");
     }

@@ -146,10 +146,12 @@ impl Survey {
         self.cells.iter().map(|cell| cell.batch).max().unwrap_or(1)
     }
 
-    /// Seconds that drawing a hemicube takes in the largest batches of a route.
+    /// Seconds that drawing a hemicube takes on a route at the batch where it takes least: there, the price of a submit hardly
+    /// counts.
     fn drawing(&self, route: Route) -> f64 {
-        let largest = self.cell(Strategy::atlas(route, 1), self.largest());
-        largest.map_or(0.0, |cell| cell.gathers[Part::Draw as usize].median)
+        let alone = self.cells.iter().filter(|cell| cell.strategy == Strategy::atlas(route, 1));
+        let least = alone.map(|cell| cell.gathers[Part::Draw as usize].median).min_by(f64::total_cmp);
+        least.unwrap_or_default()
     }
 
     fn overlap(&mut self, subject: &Subject, plan: &Plan) -> Result<()> {

@@ -272,11 +272,10 @@ mod tests {
     }
 
     #[test]
-    fn no_lists_are_one_candidate_or_none() {
-        assert_eq!(combine(Vary::Grid, &[]).unwrap().len(), 1);
-        assert!(
-            combine(Vary::Each, &[]).unwrap().is_empty() && combine(Vary::Together, &[]).unwrap().is_empty()
-        );
+    fn no_lists_are_the_quality_itself() {
+        for vary in [Vary::Grid, Vary::Each, Vary::Together] {
+            assert_eq!(combine(vary, &[]).unwrap(), [Candidate::default()]);
+        }
     }
 
     #[test]

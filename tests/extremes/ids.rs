@@ -130,7 +130,7 @@ fn sizes_from_a_billionth_to_a_billion_times_the_distance() {
     let mut rng = Rng::new(3, 0);
     let splats: Vec<Splat> = (0..600)
         .map(|i| {
-            let (distance, size) = ((1 + i % 7) as i32 - 6, (i % 19) as i32 - 9);
+            let (distance, size) = (i % 7 - 5, i % 19 - 9);
             let centre = uniform_sphere(rng.unit2()) * 10f32.powi(distance);
             splat(centre, uniform_sphere(rng.unit2()), 10f32.powi((distance + size).clamp(-8, 6)))
         })

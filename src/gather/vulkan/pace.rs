@@ -173,7 +173,7 @@ mod tests {
         count.learn(&submit(zero, 100, 101, 110));
         assert_eq!(count.count(), 2);
         // The host began in time, but was late.
-        (0..5).for_each(|i| count.learn(&submit(zero, 105 + 20 * i, 115 + 20 * i, 125 + 20 * i)));
+        (0..5).for_each(|i| count.learn(&submit(zero, 104 + 20 * i, 115 + 20 * i, 125 + 20 * i)));
         assert_eq!(count.count(), 4);
     }
 }

@@ -109,6 +109,8 @@ pub(super) struct Slot {
     pub hemicubes: Buffer,
     /// Indices of the surfels that each group draws, and one more that stands for none.
     pub cuts: Buffer,
+    /// Whether ids are copied into the readback buffer; else they are drawn into it.
+    pub copies: bool,
     /// What the ids are computed into, where that is not the readback buffer.
     pub ids: Option<Buffer>,
     /// The packed atlas.
@@ -130,9 +132,10 @@ impl Slot {
         let bytes = layout.capacity() * method.hemicube_bytes(parts);
         let hemicubes = Buffer::new(context, "hemicubes", bytes, hemicubes, MemoryLocation::CpuToGpu)?;
         let bytes = 4 * layout.texels();
-        let usage = if memory == MemoryPath::Mapped { ids } else { vk::BufferUsageFlags::TRANSFER_DST };
+        let copies = memory != MemoryPath::Mapped;
+        let usage = if copies { vk::BufferUsageFlags::TRANSFER_DST } else { ids };
         let readback = Readback::new(context, bytes, usage, memory)?;
-        let apart = method.computes() && memory != MemoryPath::Mapped;
+        let apart = method.computes() && copies;
         let ids = ids | vk::BufferUsageFlags::TRANSFER_SRC;
         let ids =
             apart.then(|| Buffer::new(context, "ids", bytes, ids, MemoryLocation::GpuOnly)).transpose()?;
@@ -142,7 +145,19 @@ impl Slot {
         let (pool, commands) = command_buffer(context, "hemicubes")?;
         let fence = fence(context)?;
         let timer = context.timestamp_seconds.is_some().then(|| timer(context)).transpose()?;
-        Ok(Self { attachment, layout, hemicubes, cuts, ids, readback, commands, _pool: pool, fence, timer })
+        Ok(Self {
+            attachment,
+            layout,
+            hemicubes,
+            cuts,
+            copies,
+            ids,
+            readback,
+            commands,
+            _pool: pool,
+            fence,
+            timer,
+        })
     }
 
     /// The buffer that ids are computed into.
@@ -168,14 +183,18 @@ impl Slot {
         Ok(())
     }
 
-    /// Timestamps of the last submit, which must be done, nanoseconds.
+    /// When the last submit, which must be done, began, had drawn, and ended: nanoseconds by its timestamps.
     pub fn timestamps(&self, context: &Context) -> Option<[u64; TIMESTAMPS as usize]> {
         let (timer, seconds) = (self.timer.as_ref()?, context.timestamp_seconds?);
-        let mut ticks = [0u64; TIMESTAMPS as usize];
-        let flags = vk::QueryResultFlags::TYPE_64;
-        // SAFETY: the pool has so many queries, and the submit wrote all of them.
-        unsafe { context.device.get_query_pool_results(timer.raw, 0, &mut ticks, flags) }.ok()?;
-        Some(ticks.map(|t| (t as f64 * seconds * 1e9) as u64))
+        let read = |query| {
+            let mut ticks = [0u64];
+            let flags = vk::QueryResultFlags::TYPE_64;
+            // SAFETY: the pool has this query, and the submit wrote it.
+            unsafe { context.device.get_query_pool_results(timer.raw, query, &mut ticks, flags) }.ok()?;
+            Some((ticks[0] as f64 * seconds * 1e9) as u64)
+        };
+        let (began, ended) = (read(0)?, read(TIMESTAMPS - 1)?);
+        Some([began, if self.copies { read(1)? } else { ended }, ended])
     }
 }
 

@@ -174,10 +174,16 @@ mod tests {
         let mut rng = Rng::new(7, 0);
         let accel = clutter(&mut rng);
         let (scene, wide) = (&*accel.scene, &accel.wide);
+        // Scenes have their own unit of length.
+        let reach = scene
+            .triangles
+            .iter()
+            .flatten()
+            .fold(0.0, |reach: f32, corner| reach.max(corner.abs().max_element()));
         let mut hits = 0;
         for i in 0..2000 {
-            let tmax = if i % 3 == 0 { rng.unit() } else { f32::INFINITY };
-            let ray = &Ray::new(vector(&mut rng), vector(&mut rng), tmax);
+            let tmax = if i % 3 == 0 { reach * rng.unit() } else { f32::INFINITY };
+            let ray = &Ray::new(vector(&mut rng) * reach, vector(&mut rng), tmax);
             let expected = one_by_one(scene, ray);
             let found = run(Walk::<false> { scene, wide, ray });
             assert_eq!(found.map_or(ray.tmax, |f| f.t), expected.t);

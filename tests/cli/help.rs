@@ -5,7 +5,7 @@ use crate::support::surflux;
 const SCENE: &str = "--point-light --background";
 const TRANSPORT: &str = "--device --gather --face-resolution --surfels --surfel-spacing --surfels-per-primitive \
                          --surfel-cloud --surfel-shape --quality --lod --near-field --interpolate --bounces --light-samples --gather-samples --batch \
-                         --frames-in-flight --seed --threads --validate --quiet --verbose --help --version";
+                         --frames-in-flight --seed --threads --validate --vulkan-route --quiet --verbose --help --version";
 
 const SWEEP: &str = "--point-light --background --vary --quality --only-listed --gather --device --face-resolution --surfels \
                      --surfel-spacing --lod --near-field --interpolate --bounces --light-samples --gather-samples \

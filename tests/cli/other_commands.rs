@@ -82,7 +82,9 @@ fn verbose_runs_say_how_the_work_is_done() {
     let picture = folder.path("a.png");
     let words = [&["render", &cornell, "-v", "-o", &picture, "--bounces", "2"], &SMALL[..]].concat();
     let said = surflux(&words).expect(0).stderr;
-    for word in ["features: triangles", "area lights", "surfels", "8 x 8", "bounced", "gathers a batch"] {
+    for word in
+        ["features: triangles", "area lights", "surfels", "8 x 8", "bounced", "drawn on the CPU", "a batch"]
+    {
         assert!(said.contains(word), "{word}: {said}");
     }
 }

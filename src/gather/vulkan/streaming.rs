@@ -20,10 +20,9 @@ pub(super) fn copy(from: &[u32], to: &mut [u32]) {
 fn stream(from: &[u32], to: &mut [u32]) {
     use std::arch::x86_64::{__m128i, _mm_sfence, _mm_storeu_si128, _mm_stream_load_si128};
     // Loads that stream must be aligned.
-    let (_, middle, _) = bytemuck::pod_align_to::<u32, u128>(from);
-    let skipped = (middle.as_ptr() as usize - from.as_ptr() as usize) / size_of::<u32>();
-    let (head, rest) = to.split_at_mut(skipped.min(to.len()));
-    head.copy_from_slice(&from[..head.len()]);
+    let (first, middle, last) = bytemuck::pod_align_to::<u32, u128>(from);
+    let (head, rest) = to.split_at_mut(first.len());
+    head.copy_from_slice(first);
     let (body, tail) = rest.split_at_mut(4 * middle.len());
     // What the device wrote must not be taken from lines that were fetched before.
     _mm_sfence();
@@ -34,7 +33,7 @@ fn stream(from: &[u32], to: &mut [u32]) {
             _mm_storeu_si128(texels.as_mut_ptr().cast(), loaded);
         }
     }
-    tail.copy_from_slice(&from[from.len() - tail.len()..]);
+    tail.copy_from_slice(last);
 }
 
 #[cfg(test)]

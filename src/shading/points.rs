@@ -76,9 +76,10 @@ impl View {
         }
     }
 
-    /// What the ray through the middle of a pixel meets.
-    pub fn trace_middle(&self, accel: &Accel, x: u32, y: u32) -> Option<ShadingPoint> {
-        self.trace(accel, Vec2::new(x as f32 + 0.5, y as f32 + 0.5), self.stream(x, y, 0))
+    /// What the ray through the middle of a pixel meets; pixels beside the picture have no stream of their own.
+    pub fn trace_middle(&self, accel: &Accel, x: i64, y: i64) -> Option<ShadingPoint> {
+        let stream = self.stream(x.max(0) as u32, y.max(0) as u32, 0);
+        self.trace(accel, Vec2::new(x as f32 + 0.5, y as f32 + 0.5), stream)
     }
 
     /// What the ray of one of a pixel's samples meets; samples are spread evenly, whatever their number.

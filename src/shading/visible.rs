@@ -43,7 +43,7 @@ impl Visible {
         if view.samples == 1 {
             return Ok(Self::with_refined(middles, &[]));
         }
-        let edges: Vec<u32> = (0..middles.points.len() as u32)
+        let edges: Vec<u32> = (0..middles.pixels() as u32)
             .into_par_iter()
             .with_min_len(256)
             .filter(|&pixel| middles.on_edge(view, pixel))
@@ -55,12 +55,12 @@ impl Visible {
     }
 
     fn with_refined(middles: Middles, refined: &[Refined]) -> Self {
-        let count = middles.points.len() + refined.iter().map(|r| r.points.len()).sum::<usize>();
-        let mut starts = Vec::with_capacity(middles.points.len() + 1);
+        let count = middles.pixels() + refined.iter().map(|r| r.points.len()).sum::<usize>();
+        let mut starts = Vec::with_capacity(middles.pixels() + 1);
         // Where each point comes from, so that all threads can copy them.
         let mut places: Vec<(&ShadingPoint, f32)> = Vec::with_capacity(count);
         let mut refined = refined.iter().flat_map(Refined::pixels).peekable();
-        for (pixel, middle) in middles.points.iter().enumerate() {
+        for (pixel, middle) in middles.inside().enumerate() {
             starts.push(places.len() as u32);
             match refined.next_if(|r| r.pixel as usize == pixel) {
                 Some(edge) => places.extend(edge.points.iter().zip(edge.shares.iter().copied())),
@@ -95,7 +95,8 @@ impl Visible {
     }
 }
 
-/// What the rays through the middles of pixels met.
+/// What the rays through the middles of pixels met, and of one more row or column on each side: an edge may also lie
+/// between the outermost pixels' middles and the border.
 struct Middles {
     width: u32,
     rows: Range<u32>,
@@ -104,36 +105,50 @@ struct Middles {
 
 impl Middles {
     fn trace(view: &View, accel: &Accel, rows: Range<u32>) -> Result<Self> {
-        let width = view.width;
-        let count = width as usize * (rows.end - rows.start) as usize;
-        let trace = |pixel: u32| {
-            let (x, y) = (pixel % width, rows.start + pixel / width);
+        let (width, height) = (view.width, rows.end - rows.start);
+        let stride = width + 2;
+        let trace = |place: u32| {
+            let (x, y) = (i64::from(place % stride) - 1, i64::from(rows.start + place / stride) - 1);
             if interrupt::requested() { None } else { view.trace_middle(accel, x, y) }
         };
         // Collected, memory is touched for the first time by the thread that fills it.
-        let points = (0..count as u32).into_par_iter().with_min_len(PORTION).map(trace).collect();
+        let points = (0..stride * (height + 2)).into_par_iter().with_min_len(PORTION).map(trace).collect();
         interrupt::check()?;
         Ok(Self { width, rows, points })
     }
 
+    /// Number of pixels.
+    fn pixels(&self) -> usize {
+        self.width as usize * self.rows.len()
+    }
+
+    /// What pixels' own middles met, pixel after pixel.
+    fn inside(&self) -> impl Iterator<Item = &Option<ShadingPoint>> {
+        let rows = self.points.chunks_exact(self.stride()).skip(1).take(self.rows.len());
+        rows.flat_map(|row| &row[1..row.len() - 1])
+    }
+
+    /// Where a pixel, counted row by row, stands among the points.
+    fn place(&self, pixel: u32) -> usize {
+        let (x, row) = (pixel % self.width, pixel / self.width);
+        (row as usize + 1) * self.stride() + x as usize + 1
+    }
+
+    fn stride(&self) -> usize {
+        self.width as usize + 2
+    }
+
     /// Whether one of the four neighbours sees another surface.
     fn on_edge(&self, view: &View, pixel: u32) -> bool {
-        let (x, row) = (pixel % self.width, pixel / self.width);
-        let own = self.points[pixel as usize].as_ref();
+        let place = self.place(pixel);
+        let own = self.points[place].as_ref();
         let footprint = own.map_or(0.0, |own| view.footprint(own.position));
-        let differs = |x: u32, row: u32| {
-            let other = self.points.get((row * self.width + x) as usize).and_then(Option::as_ref);
-            match (own, other) {
-                (None, None) => false,
-                (Some(a), Some(b)) => !same_surface(a, b, footprint),
-                _ => true,
-            }
+        let differs = |neighbour: usize| match (own, self.points[neighbour].as_ref()) {
+            (None, None) => false,
+            (Some(a), Some(b)) => !same_surface(a, b, footprint),
+            _ => true,
         };
-        let last_row = self.rows.end - self.rows.start - 1;
-        (x > 0 && differs(x - 1, row))
-            || (x + 1 < self.width && differs(x + 1, row))
-            || (row > 0 && differs(x, row - 1))
-            || (row < last_row && differs(x, row + 1))
+        [place - 1, place + 1, place - self.stride(), place + self.stride()].into_iter().any(differs)
     }
 }
 

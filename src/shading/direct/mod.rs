@@ -3,7 +3,7 @@
 //! Unshadowed light is exact at every point. Its visibility, light by light, begins with one ray a point (`probe`). Where
 //! the points around agree that all or nothing of the light is seen, that is the answer. Elsewhere several rays a point
 //! are averaged over neighbours, or, where visibility changes within a few pixels, many rays are spread over the pixel alone
-//! (`shared`, `own`).
+//! (`shared`, `own`). Where those rays find what the probes around had missed, the points around them get rays, too.
 
 mod hood;
 mod interleaved;
@@ -22,7 +22,7 @@ use crate::scenery::Scenery;
 use crate::settings::{Emitters, Settings};
 use glam::Vec3;
 use hood::Hood;
-use probe::Answers;
+use probe::{Answers, Shares};
 use rayon::prelude::*;
 
 /// Points that a worker takes at a time, at least.
@@ -83,9 +83,9 @@ impl<'a> Lit<'a> {
     fn visibility(&self, hood: &Hood, light: LightAlone<'a>) -> Shadowed {
         let mut answers = Answers::probe(self, hood, light);
         let mixed = answers.disagreements(self, hood, light);
-        let (wide, edges) = mixed.split(light);
+        let Shares { mut wide, rim, alone: edges } = mixed.split(light);
+        let steep = shared::average(self, hood, light, &mut answers, &mut wide, rim);
         let refined = wide.len() + edges.len();
-        let steep = shared::average(self, hood, light, &mut answers, &wide);
         let alone: Vec<u32> = edges.iter().copied().chain(steep.iter().map(|steep| steep.point)).collect();
         own::average(self, light, &mut answers, &alone);
         own::smooth(self, hood, &mut answers, &steep);

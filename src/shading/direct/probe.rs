@@ -36,22 +36,48 @@ pub struct Answers {
     found: Vec<u8>,
 }
 
-/// Points at which rays disagree, in order.
+/// Points at which rays disagree, and points close to those, in order.
 #[derive(Debug)]
 pub struct Mixed {
-    points: Vec<u32>,
-    /// Whether each fills its pixel.
-    fills: Vec<bool>,
+    points: Vec<MixedPoint>,
+}
+
+/// One of them.
+#[derive(Debug, Clone, Copy)]
+struct MixedPoint {
+    point: u32,
+    /// Whether it fills its pixel.
+    fills: bool,
+    /// Whether it is only close to others.
+    beside: bool,
+}
+
+/// They, by how many rays they get.
+#[derive(Debug, Default)]
+pub struct Shares {
+    /// Points that can share rays with their neighbours.
+    pub wide: Vec<u32>,
+    /// Those of them that are only close to others.
+    pub rim: Vec<u32>,
+    /// Points that cannot.
+    pub alone: Vec<u32>,
 }
 
 impl Mixed {
     /// Those that can share rays with their neighbours, and those that cannot.
-    pub fn split(self, light: LightAlone) -> (Vec<u32>, Vec<u32>) {
-        let (mut wide, mut alone) = (Vec::new(), Vec::new());
-        for (point, fills) in self.points.into_iter().zip(self.fills) {
-            if fills && !light.is_point() { wide.push(point) } else { alone.push(point) }
+    pub fn split(self, light: LightAlone) -> Shares {
+        let mut shares = Shares::default();
+        for MixedPoint { point, fills, beside } in self.points {
+            if !fills || light.is_point() {
+                shares.alone.push(point);
+                continue;
+            }
+            shares.wide.push(point);
+            if beside {
+                shares.rim.push(point);
+            }
         }
-        (wide, alone)
+        shares
     }
 }
 
@@ -98,13 +124,19 @@ impl Answers {
                 && near[hood.pixel(i)] != 0
                 && hood.neighbours(lit.view, i).any(|n| marks[n.point] != 0)
         };
-        let points: Vec<u32> = (0..count as u32)
+        let points = (0..count)
             .into_par_iter()
             .with_min_len(PORTION)
-            .filter(|&i| marks[i as usize] != 0 || beside_mixed(i as usize))
+            .filter_map(|i| {
+                let beside = marks[i] == 0;
+                (!beside || beside_mixed(i)).then(|| MixedPoint {
+                    point: i as u32,
+                    fills: hood.fills_pixel(i),
+                    beside,
+                })
+            })
             .collect();
-        let fills = points.iter().map(|&i| hood.fills_pixel(i as usize)).collect();
-        Mixed { points, fills }
+        Mixed { points }
     }
 
     fn is_mixed(&self, lit: &Lit, hood: &Hood, around: &[u8], i: usize) -> bool {

@@ -45,17 +45,17 @@ pub fn across(gradient: Vec2) -> f32 {
     2.0 * REACH as f32 * gradient.length()
 }
 
-/// Finds the visibility at points that have their pixels to themselves; returns those where it changes too quickly.
+/// Finds the visibility at points that have their pixels to themselves, and at those that turn out to belong to them (see
+/// [`trace_outwards`]); returns those where it changes too quickly.
 pub fn average<'a>(
     lit: &Lit<'a>,
     hood: &Hood,
     light: LightAlone<'a>,
     answers: &mut Answers,
-    points: &[u32],
+    points: &mut Vec<u32>,
+    rim: Vec<u32>,
 ) -> Vec<Steep> {
-    let tallies = trace(lit, hood, light, points);
-    let mut of_point = vec![u32::MAX; answers.visible.len()];
-    points.iter().enumerate().for_each(|(k, &i)| of_point[i as usize] = k as u32);
+    let Traced { tallies, of_point } = trace_outwards(lit, hood, light, answers, points, rim);
     let steepest = steepest(lit.settings.light_samples);
     let fits: Vec<Option<(f32, Vec2)>> = points
         .par_iter()
@@ -64,8 +64,8 @@ pub fn average<'a>(
             let mut fit = Fit::default();
             for n in hood.neighbours(lit.view, i as usize).filter(|n| answers.has_light(n.point)) {
                 let tally = match of_point[n.point] {
-                    u32::MAX if !hood.fills_pixel(n.point) => continue,
-                    u32::MAX => Visibility { all: 1.0, arrived: answers.visible[n.point] },
+                    NONE if !hood.fills_pixel(n.point) => continue,
+                    NONE => Visibility { all: 1.0, arrived: answers.visible[n.point] },
                     k => tallies[k as usize],
                 };
                 fit.add(&n, tally);
@@ -83,6 +83,56 @@ pub fn average<'a>(
         }
     }
     left
+}
+
+/// What rays found.
+struct Traced {
+    /// Point by point.
+    tallies: Vec<Visibility>,
+    /// Which of them each visible point's is; [`NONE`] where no rays were traced.
+    of_point: Vec<u32>,
+}
+
+/// Stands for no tally.
+const NONE: u32 = u32::MAX;
+
+/// Rays at the points; then also around those at the rim at which rays find what probes did not, as long as there are any: where
+/// little of a light is seen, or little of it hidden, whole neighbourhoods of probes miss that.
+fn trace_outwards<'a>(
+    lit: &Lit<'a>,
+    hood: &Hood,
+    light: LightAlone<'a>,
+    answers: &Answers,
+    points: &mut Vec<u32>,
+    mut rim: Vec<u32>,
+) -> Traced {
+    let mut traced = Traced { tallies: Vec::new(), of_point: vec![NONE; answers.visible.len()] };
+    loop {
+        let first = traced.tallies.len();
+        traced.tallies.extend(trace(lit, hood, light, &points[first..]));
+        (first..points.len()).for_each(|k| traced.of_point[points[k] as usize] = k as u32);
+        let missed = |&&i: &&u32| {
+            let found = traced.tallies[traced.of_point[i as usize] as usize].ratio();
+            found.is_some_and(|visible| visible != answers.visible[i as usize])
+        };
+        let untraced = |i: usize| traced.of_point[i] == NONE && hood.fills_pixel(i) && answers.has_light(i);
+        let around =
+            |&i: &u32| hood.neighbours(lit.view, i as usize).map(|n| n.point).filter(|&n| untraced(n));
+        let mut next: Vec<u32> = rim
+            .par_iter()
+            .with_min_len(PORTION)
+            .filter(missed)
+            .flat_map_iter(around)
+            .map(|i| i as u32)
+            .collect();
+        next.par_sort_unstable();
+        next.dedup();
+        if next.is_empty() {
+            return traced;
+        }
+        points.extend(&next);
+        rim = next;
+    }
 }
 
 /// Some rays at each point; weights are relative to their mean.

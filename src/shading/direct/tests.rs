@@ -121,6 +121,19 @@ fn penumbras_agree_with_many_rays_at_every_point() {
 }
 
 #[test]
+fn a_light_of_which_little_is_seen_leaves_no_holes() {
+    let lid = square(DVec3::new(0.0, 0.0, 3.999), 0.148, 1.0, FLOOR);
+    let picture = Picture::new(vec![lamp(), lid], Vec::new(), 1);
+    let visible = picture.visible();
+    let (light, exact) = (picture.light(&visible), picture.exact(&visible, 512));
+    let brightest = exact.iter().copied().fold(0.0, f32::max);
+    let dark =
+        light.iter().zip(&exact).filter(|&(&got, &exact)| exact > 0.5 * brightest && got < 0.2 * exact);
+    assert!(brightest > 0.0);
+    assert_eq!(dark.count(), 0);
+}
+
+#[test]
 fn hard_shadows_are_anti_aliased() {
     let picture = Picture::new(vec![blind()], vec![bulb()], 64);
     let visible = picture.visible();

@@ -9,14 +9,20 @@ use crate::hemicube::frame::Receiver;
 use crate::lanes::{self, F32x8, LANES, LaneTask, Mask8, dot, sub, vector};
 use bytemuck::Zeroable;
 use glam::Vec3;
-use std::f32::consts::{PI, SQRT_2};
+use std::f32::consts::{PI, SQRT_2, TAU};
 
 /// Radius of a cluster's disc over the square root of its projected area: discs on a regular pattern cover the plane from
 /// 0.71 (square) on.
 const CLUSTER_RADIUS: f32 = 0.75;
+const SCATTER: f32 = 1.33;
 /// How far surfels are moved along their normals before clustering, in scene sizes: only like normals then stand together.
 /// Less than 1 would bring the opposite walls of a room together instead.
 const NORMAL_SPREAD: f32 = 2.0;
+/// How far apart surfels of different flags are moved before clustering, in scene sizes: more than normals move them.
+const KIND_SPREAD: f32 = 8.0;
+/// Deviation of a cluster of surfels of different flags, which no disc can stand for: some let light through, stop it or
+/// reflect it where others do not. No two unit normals differ by more.
+const MIXED: f32 = 2.0;
 /// What rises less than this above a receiver's plane is in it: more than the rounding of coordinates, scene units.
 const COPLANAR: f32 = 4e-7;
 /// Normals that differ more than this from their cluster's mean (length of the difference) are not drawn as one disc.
@@ -36,10 +42,14 @@ struct Node {
     normal: Vec3,
     /// Length of the mean of the unit normals below: 1 when all are alike.
     agreement: f32,
-    /// Greatest length of the difference between `normal` and a normal below.
+    /// Greatest length of the difference between `normal` and a normal below, or at least [`MIXED`].
     deviation: f32,
     /// Radius of the node's own disc.
     radius: f32,
+    /// Mean squared distance of the surface below from `centre`.
+    variance: f32,
+    /// How large the node looks when it is drawn as its disc: the radius, or what its parts are scattered over.
+    size: f32,
     /// First child, or 0 for a leaf.
     child: u32,
     /// Which drawable this node is.
@@ -105,8 +115,11 @@ impl SurfelTree {
     /// The same, with another surface of each surfel than its area: none for those that nobody sees, so that they neither
     /// darken nor widen clusters.
     pub fn weighted(cloud: &SurfelCloud, areas: &[f32]) -> Self {
+        let kinds = kinds(&cloud.flags);
+        let kind = |flags: u32| kinds.iter().position(|&kind| kind == flags).unwrap_or_default();
         let boxes = (0..cloud.len()).map(|i| {
-            let centre = cloud.position[i] + cloud.normal[i] * NORMAL_SPREAD;
+            let apart = Vec3::X * (KIND_SPREAD * kind(cloud.flags[i]) as f32);
+            let centre = cloud.position[i] + cloud.normal[i] * NORMAL_SPREAD + apart;
             (centre - cloud.radius[i], centre + cloud.radius[i])
         });
         let shape = cluster(boxes).nodes;
@@ -190,6 +203,9 @@ impl SurfelTree {
         let height = |n: &Node| {
             (n.centre - centre).dot(normal).abs() + n.thickness + n.bound * n.normal.distance(normal).min(1.0)
         };
+        let share = |n: &Node| n.variance + n.centre.distance_squared(centre);
+        let variance = share(&a) * fa + share(&b) * fb;
+        let mixed = if a.flags == b.flags { 0.0 } else { MIXED };
         self.area.push(area);
         Node {
             centre,
@@ -197,13 +213,27 @@ impl SurfelTree {
             thickness: height(&a).max(height(&b)),
             normal,
             agreement,
-            deviation: turn(&a).max(turn(&b)),
+            deviation: turn(&a).max(turn(&b)).max(mixed),
             radius,
+            variance,
+            size: radius.max(SCATTER * variance.sqrt()),
             child,
             drawable: self.area.len() as u32 - 1,
             flags: a.flags & b.flags,
         }
     }
+}
+
+/// The different flags that surfels have.
+fn kinds(flags: &[u32]) -> Vec<u32> {
+    let mut kinds = Vec::new();
+    for &flags in flags {
+        if !kinds.contains(&flags) {
+            kinds.push(flags);
+        }
+    }
+    kinds.sort_unstable();
+    kinds
 }
 
 fn leaf(cloud: &SurfelCloud, surfel: u32) -> Node {
@@ -216,6 +246,8 @@ fn leaf(cloud: &SurfelCloud, surfel: u32) -> Node {
         agreement: 1.0,
         deviation: 0.0,
         radius: cloud.radius[i],
+        variance: cloud.area[i] / TAU,
+        size: cloud.radius[i],
         child: 0,
         drawable: surfel,
         flags: cloud.flags[i],
@@ -349,7 +381,7 @@ impl<F: F32x8> EightGroups<F> {
         let to_node = self.to(node);
         let distance = dot(to_node, to_node).sqrt() - self.radius;
         let clear = distance.gt(F::splat(node.bound));
-        clear.and((self.limit * distance).gt(F::splat(node.radius))).bits()
+        clear.and((self.limit * distance).gt(F::splat(node.size))).bits()
     }
 
     #[inline(always)]

@@ -4,22 +4,17 @@
 //! others are clusters; a cut lists drawables.
 
 use super::cloud::{FLAG_CULL_BACK, Splat, SurfelCloud, SurfelShape};
+use super::likeness::Likeness;
 use crate::accel::{ClusterNode, cluster};
 use crate::hemicube::frame::Receiver;
 use crate::lanes::{self, F32x8, LANES, LaneTask, Mask8, dot, sub, vector};
 use bytemuck::Zeroable;
 use glam::Vec3;
-use std::f32::consts::{PI, SQRT_2, TAU};
+use std::f32::consts::{FRAC_1_SQRT_2, PI, SQRT_2, TAU};
 
-/// Radius of a cluster's disc over the square root of its projected area: discs on a regular pattern cover the plane from
-/// 0.71 (square) on.
-const CLUSTER_RADIUS: f32 = 0.75;
-const SCATTER: f32 = 1.33;
-/// How far surfels are moved along their normals before clustering, in scene sizes: only like normals then stand together.
-/// Less than 1 would bring the opposite walls of a room together instead.
-const NORMAL_SPREAD: f32 = 2.0;
-/// How far apart surfels of different flags are moved before clustering, in scene sizes: more than normals move them.
-const KIND_SPREAD: f32 = 8.0;
+/// Radius of a cluster's disc over the square root of its projected area: discs on a square pattern just cover the plane. What
+/// hangs over the edges of surfaces then makes up for the gaps that less regular clusters leave.
+const CLUSTER_RADIUS: f32 = FRAC_1_SQRT_2;
 /// Deviation of a cluster of surfels of different flags, which no disc can stand for: some let light through, stop it or
 /// reflect it where others do not. No two unit normals differ by more.
 const MIXED: f32 = 2.0;
@@ -48,7 +43,8 @@ struct Node {
     radius: f32,
     /// Mean squared distance of the surface below from `centre`.
     variance: f32,
-    /// How large the node looks when it is drawn as its disc: the radius, or what its parts are scattered over.
+    /// Radius within which the node's light is misplaced when it is drawn as its disc: its own, or, where its parts stand
+    /// further apart than that, of a disc as scattered as they are.
     size: f32,
     /// First child, or 0 for a leaf.
     child: u32,
@@ -115,11 +111,9 @@ impl SurfelTree {
     /// The same, with another surface of each surfel than its area: none for those that nobody sees, so that they neither
     /// darken nor widen clusters.
     pub fn weighted(cloud: &SurfelCloud, areas: &[f32]) -> Self {
-        let kinds = kinds(&cloud.flags);
-        let kind = |flags: u32| kinds.iter().position(|&kind| kind == flags).unwrap_or_default();
+        let likeness = Likeness::new(&cloud.flags);
         let boxes = (0..cloud.len()).map(|i| {
-            let apart = Vec3::X * (KIND_SPREAD * kind(cloud.flags[i]) as f32);
-            let centre = cloud.position[i] + cloud.normal[i] * NORMAL_SPREAD + apart;
+            let centre = cloud.position[i] + likeness.offset(cloud.normal[i], cloud.flags[i]);
             (centre - cloud.radius[i], centre + cloud.radius[i])
         });
         let shape = cluster(boxes).nodes;
@@ -216,24 +210,12 @@ impl SurfelTree {
             deviation: turn(&a).max(turn(&b)).max(mixed),
             radius,
             variance,
-            size: radius.max(SCATTER * variance.sqrt()),
+            size: radius.max(SQRT_2 * variance.sqrt()),
             child,
             drawable: self.area.len() as u32 - 1,
             flags: a.flags & b.flags,
         }
     }
-}
-
-/// The different flags that surfels have.
-fn kinds(flags: &[u32]) -> Vec<u32> {
-    let mut kinds = Vec::new();
-    for &flags in flags {
-        if !kinds.contains(&flags) {
-            kinds.push(flags);
-        }
-    }
-    kinds.sort_unstable();
-    kinds
 }
 
 fn leaf(cloud: &SurfelCloud, surfel: u32) -> Node {
@@ -246,6 +228,7 @@ fn leaf(cloud: &SurfelCloud, surfel: u32) -> Node {
         agreement: 1.0,
         deviation: 0.0,
         radius: cloud.radius[i],
+        // Of a disc of that area.
         variance: cloud.area[i] / TAU,
         size: cloud.radius[i],
         child: 0,
@@ -395,6 +378,7 @@ mod tests {
     use super::*;
     use crate::lanes::Portable;
     use crate::math::{Rng, uniform_sphere};
+    use crate::surfel::cloud::FLAG_TWO_SIDED;
 
     #[test]
     fn cuts_do_not_depend_on_company_or_processor() {
@@ -421,6 +405,36 @@ mod tests {
             }
             assert!(together[count..].iter().all(Vec::is_empty));
         }
+    }
+
+    /// What a receiver two scene sizes above two small surfels draws of them.
+    fn cut_of_two(apart: f32, flags: [u32; 2], lod: f32) -> Vec<u32> {
+        let cloud = SurfelCloud {
+            position: vec![Vec3::ZERO, Vec3::X * apart],
+            normal: vec![Vec3::Z; 2],
+            radius: vec![0.008; 2],
+            area: vec![1e-4; 2],
+            flags: flags.to_vec(),
+            ..SurfelCloud::default()
+        };
+        let receiver = Receiver { position: Vec3::Z * 2.0, normal: -Vec3::Z, seed: 0, flags: 0 };
+        let settings = CutSettings { lod, resolution: 8 };
+        let [mut cut, ..] = SurfelTree::new(&cloud).cuts(&[ReceiverBounds::new(&[receiver])], &settings);
+        cut.sort_unstable();
+        cut
+    }
+
+    #[test]
+    fn parts_that_stand_apart_are_drawn_as_one_from_afar_only() {
+        assert_eq!(cut_of_two(0.01, [0; 2], 0.5), [2], "neighbours");
+        assert_eq!(cut_of_two(0.5, [0; 2], 0.5), [0, 1], "a pixel");
+        assert_eq!(cut_of_two(0.5, [0; 2], 2.0), [2], "of the size of a pixel");
+    }
+
+    #[test]
+    fn surfels_that_reflect_on_both_sides_share_no_cluster_with_others() {
+        assert_eq!(cut_of_two(0.01, [0, FLAG_TWO_SIDED], 2.0), [0, 1]);
+        assert_eq!(cut_of_two(0.01, [FLAG_CULL_BACK, 0], 2.0), [0, 1]);
     }
 
     /// Surfels that look inwards from the unit sphere.

@@ -10,11 +10,11 @@ use crate::hemicube::frame::Receiver;
 use crate::lanes::{self, F32x8, LANES, LaneTask, Mask8, dot, sub, vector};
 use bytemuck::Zeroable;
 use glam::Vec3;
-use std::f32::consts::{FRAC_1_SQRT_2, PI, SQRT_2, TAU};
+use std::f32::consts::{PI, SQRT_2, TAU};
 
-/// Radius of a cluster's disc over the square root of its projected area: discs on a square pattern just cover the plane. What
-/// hangs over the edges of surfaces then makes up for the gaps that less regular clusters leave.
-const CLUSTER_RADIUS: f32 = FRAC_1_SQRT_2;
+/// Radius of a cluster's disc over the square root of its projected area: discs on a square pattern cover the plane from 0.71 on.
+/// What hangs over the edges of surfaces then about makes up for the gaps that less regular clusters leave.
+const CLUSTER_RADIUS: f32 = 0.73;
 /// Deviation of a cluster of surfels of different flags, which no disc can stand for: some let light through, stop it or
 /// reflect it where others do not. No two unit normals differ by more.
 const MIXED: f32 = 2.0;

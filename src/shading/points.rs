@@ -77,7 +77,8 @@ impl View {
     }
 
     /// What the ray through the middle of a pixel meets; pixels beside the picture have no stream of their own.
-    pub fn trace_middle(&self, accel: &Accel, x: i64, y: i64) -> Option<ShadingPoint> {
+    pub fn trace_middle(&self, accel: &Accel, x: impl Into<i64>, y: impl Into<i64>) -> Option<ShadingPoint> {
+        let (x, y) = (x.into(), y.into());
         let stream = self.stream(x.max(0) as u32, y.max(0) as u32, 0);
         self.trace(accel, Vec2::new(x as f32 + 0.5, y as f32 + 0.5), stream)
     }

@@ -78,7 +78,11 @@ fn a_closed_room_keeps_its_light_in_every_quality() {
 }
 
 fn cornell() -> (SceneDescription, Camera) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-box.pov");
+    scene("cornell-box.pov")
+}
+
+fn scene(file: &str) -> (SceneDescription, Camera) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(file);
     let description = load(&[path]).expect("a good scene");
     let camera = description.camera.clone().expect("a camera");
     (description, camera)
@@ -106,6 +110,26 @@ fn few_gathers_show_what_many_do() {
     let mean = |film: &Film| film.pixels.iter().map(|p| f64::from(p.element_sum())).sum::<f64>();
     let bias = mean(&few) / mean(&many) - 1.0;
     assert!(bias.abs() < 2e-3, "{bias}");
+}
+
+/// Sky is no surface, whatever share of a gather it fills: light on a floor changes as quickly near one box as near many.
+#[test]
+fn an_open_sky_hides_no_contacts() {
+    let (description, camera) = scene("open-sky.pov");
+    let tolerance = 0.005;
+    let settings = Settings {
+        interpolate: Some(tolerance),
+        gather_samples: 1024,
+        samples: 1,
+        ..of_quality(Quality::Final, GatherMethod::Traced)
+    };
+    let everywhere = Settings { interpolate: None, ..settings.clone() };
+    let (few, gathers) = picture(&description, &camera, &settings);
+    let (many, all) = picture(&description, &camera, &everywhere);
+    assert!(gathers * 4 < all, "{gathers} of {all}");
+    let off = difference(&few, &many);
+    println!("{off} at {gathers} of {all}");
+    assert!(off < 3.0 * f64::from(tolerance), "{off}");
 }
 
 #[test]

@@ -11,6 +11,7 @@ pub mod generate;
 pub mod hidden;
 pub mod hit_light;
 mod kdtree;
+mod likeness;
 pub mod lookup;
 mod patch;
 pub mod ply;

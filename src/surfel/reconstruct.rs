@@ -36,7 +36,7 @@ const UNEVEN: f32 = 0.1;
 pub struct SpotLight {
     /// Radiance, W sr-1 m-2.
     pub radiance: Vec3,
-    /// Whether a plane describes it: not at the edges of shadows.
+    /// Whether a plane describes it, or the few surfels at a corner agree: not at the edges of shadows.
     pub even: bool,
 }
 
@@ -82,9 +82,8 @@ impl<'a> Reconstruction<'a> {
         let Some(nearest) = self.nearest(spot, guess) else { return SpotLight::default() };
         let spacing = self.cloud.area[nearest].sqrt();
         let reach = WIDE_REACH * spacing.max(self.cloud.position[nearest].distance(spot.position));
-        let fit = self.fit(spot, reach, SHEETS * spacing, 1);
-        let radiance = fit.map_or_else(|| self.light(self.side(nearest, spot.normal)), |fit| fit.radiance);
-        SpotLight { radiance, even: false }
+        let alone = || SpotLight { radiance: self.light(self.side(nearest, spot.normal)), even: false };
+        self.fit(spot, reach, SHEETS * spacing, 1).unwrap_or_else(alone)
     }
 
     /// The surfel that stands for a spot: the nearest on the same surface; where the cloud has none, the nearest of the same
@@ -194,9 +193,11 @@ impl Sums {
         let value = mean - slope_x * centre.x - slope_y * centre.y;
         let beyond = high - low;
         let radiance = value.clamp((low - beyond).max(Vec3::ZERO), high + beyond);
-        let explained = slope_x * along_x + slope_y * along_y;
+        let few = self.count < FEWEST;
+        // A plane explains few surfels whatever they send: those must agree, and one says nothing.
+        let explained = if few { Vec3::ZERO } else { slope_x * along_x + slope_y * along_y };
         let left = (self.radiance_squared / self.weight - mean * mean - explained).element_sum();
-        let even = left <= UNEVEN * UNEVEN * (mean * mean).element_sum();
+        let even = self.count > 1 && left <= UNEVEN * UNEVEN * (mean * mean).element_sum();
         Some(SpotLight { radiance, even })
     }
 }

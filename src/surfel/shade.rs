@@ -9,7 +9,7 @@ use crate::interrupt;
 use crate::math::{Frame, disc_from_square};
 use glam::Vec3;
 use rayon::prelude::*;
-use std::f32::consts::FRAC_1_PI;
+use std::f32::consts::{FRAC_1_PI, FRAC_1_SQRT_2, SQRT_2};
 use std::ops::Range;
 
 /// Shadow rays that look first whether a surfel is near the edge of a shadow.
@@ -185,6 +185,20 @@ impl Shading<'_> {
         }
     }
 
+    /// Radius of a disc about a surfel, not beyond `radius`, that no other surface cuts: an oblong share may end nearer to a wall
+    /// than its disc, and shadow rays that start behind the wall never arrive.
+    fn clear_radius(&self, point: &LitPoint, radius: f32) -> f32 {
+        let frame = Frame::from_normal(point.geometric_normal);
+        let axes = [frame.tangent, -frame.tangent, frame.bitangent, -frame.bitangent];
+        let origin = point.position + point.geometric_normal * RAY_OFFSET;
+        // A wall at a distance d meets one of the four rays within d sqrt 2.
+        let free = |axis: Vec3| {
+            let hit = self.accel.closest_point(origin, axis, radius * SQRT_2);
+            hit.map_or(radius, |hit| hit.t * FRAC_1_SQRT_2)
+        };
+        axes.into_iter().map(free).fold(radius, f32::min)
+    }
+
     /// Irradiance of a surfel by all its shadow rays.
     fn irradiance(&self, surfel: usize) -> Vec3 {
         let Some(point) = self.point(surfel) else {
@@ -193,8 +207,9 @@ impl Shading<'_> {
         let Shading { accel, lights, settings, .. } = self;
         let sampling =
             Sampling { seed: settings.seed, stream: self.stream(surfel), samples: settings.samples };
+        let radius = self.clear_radius(&point, self.inner_radius(surfel));
         lights
-            .piece_irradiance(accel, &point, self.inner_radius(surfel), sampling)
+            .piece_irradiance(accel, &point, radius, sampling)
             .unwrap_or_else(|| lights.irradiance(accel, &point, sampling))
     }
 }

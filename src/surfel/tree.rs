@@ -4,19 +4,20 @@
 //! others are clusters; a cut lists drawables.
 
 use super::cloud::{FLAG_CULL_BACK, Splat, SurfelCloud, SurfelShape};
+use super::likeness::Likeness;
 use crate::accel::{ClusterNode, cluster};
 use crate::hemicube::frame::Receiver;
 use crate::lanes::{self, F32x8, LANES, LaneTask, Mask8, dot, sub, vector};
 use bytemuck::Zeroable;
 use glam::Vec3;
-use std::f32::consts::{PI, SQRT_2};
+use std::f32::consts::{PI, SQRT_2, TAU};
 
-/// Radius of a cluster's disc over the square root of its projected area: discs on a regular pattern cover the plane from
-/// 0.71 (square) on.
-const CLUSTER_RADIUS: f32 = 0.75;
-/// How far surfels are moved along their normals before clustering, in scene sizes: only like normals then stand together.
-/// Less than 1 would bring the opposite walls of a room together instead.
-const NORMAL_SPREAD: f32 = 2.0;
+/// Radius of a cluster's disc over the square root of its projected area: discs on a square pattern cover the plane from 0.71 on.
+/// What hangs over the edges of surfaces then about makes up for the gaps that less regular clusters leave.
+const CLUSTER_RADIUS: f32 = 0.73;
+/// Deviation of a cluster of surfels of different flags, which no disc can stand for: some let light through, stop it or
+/// reflect it where others do not. No two unit normals differ by more.
+const MIXED: f32 = 2.0;
 /// What rises less than this above a receiver's plane is in it: more than the rounding of coordinates, scene units.
 const COPLANAR: f32 = 4e-7;
 /// Normals that differ more than this from their cluster's mean (length of the difference) are not drawn as one disc.
@@ -36,10 +37,15 @@ struct Node {
     normal: Vec3,
     /// Length of the mean of the unit normals below: 1 when all are alike.
     agreement: f32,
-    /// Greatest length of the difference between `normal` and a normal below.
+    /// Greatest length of the difference between `normal` and a normal below, or at least [`MIXED`].
     deviation: f32,
     /// Radius of the node's own disc.
     radius: f32,
+    /// Mean squared distance of the surface below from `centre`.
+    variance: f32,
+    /// Radius within which the node's light is misplaced when it is drawn as its disc: its own, or, where its parts stand
+    /// further apart than that, of a disc as scattered as they are.
+    size: f32,
     /// First child, or 0 for a leaf.
     child: u32,
     /// Which drawable this node is.
@@ -105,8 +111,9 @@ impl SurfelTree {
     /// The same, with another surface of each surfel than its area: none for those that nobody sees, so that they neither
     /// darken nor widen clusters.
     pub fn weighted(cloud: &SurfelCloud, areas: &[f32]) -> Self {
+        let likeness = Likeness::new(&cloud.flags);
         let boxes = (0..cloud.len()).map(|i| {
-            let centre = cloud.position[i] + cloud.normal[i] * NORMAL_SPREAD;
+            let centre = cloud.position[i] + likeness.offset(cloud.normal[i], cloud.flags[i]);
             (centre - cloud.radius[i], centre + cloud.radius[i])
         });
         let shape = cluster(boxes).nodes;
@@ -190,6 +197,9 @@ impl SurfelTree {
         let height = |n: &Node| {
             (n.centre - centre).dot(normal).abs() + n.thickness + n.bound * n.normal.distance(normal).min(1.0)
         };
+        let share = |n: &Node| n.variance + n.centre.distance_squared(centre);
+        let variance = share(&a) * fa + share(&b) * fb;
+        let mixed = if a.flags == b.flags { 0.0 } else { MIXED };
         self.area.push(area);
         Node {
             centre,
@@ -197,8 +207,10 @@ impl SurfelTree {
             thickness: height(&a).max(height(&b)),
             normal,
             agreement,
-            deviation: turn(&a).max(turn(&b)),
+            deviation: turn(&a).max(turn(&b)).max(mixed),
             radius,
+            variance,
+            size: radius.max(SQRT_2 * variance.sqrt()),
             child,
             drawable: self.area.len() as u32 - 1,
             flags: a.flags & b.flags,
@@ -216,6 +228,9 @@ fn leaf(cloud: &SurfelCloud, surfel: u32) -> Node {
         agreement: 1.0,
         deviation: 0.0,
         radius: cloud.radius[i],
+        // Of a disc of that area.
+        variance: cloud.area[i] / TAU,
+        size: cloud.radius[i],
         child: 0,
         drawable: surfel,
         flags: cloud.flags[i],
@@ -349,7 +364,7 @@ impl<F: F32x8> EightGroups<F> {
         let to_node = self.to(node);
         let distance = dot(to_node, to_node).sqrt() - self.radius;
         let clear = distance.gt(F::splat(node.bound));
-        clear.and((self.limit * distance).gt(F::splat(node.radius))).bits()
+        clear.and((self.limit * distance).gt(F::splat(node.size))).bits()
     }
 
     #[inline(always)]
@@ -363,6 +378,7 @@ mod tests {
     use super::*;
     use crate::lanes::Portable;
     use crate::math::{Rng, uniform_sphere};
+    use crate::surfel::cloud::FLAG_TWO_SIDED;
 
     #[test]
     fn cuts_do_not_depend_on_company_or_processor() {
@@ -389,6 +405,36 @@ mod tests {
             }
             assert!(together[count..].iter().all(Vec::is_empty));
         }
+    }
+
+    /// What a receiver two scene sizes above two small surfels draws of them.
+    fn cut_of_two(apart: f32, flags: [u32; 2], lod: f32) -> Vec<u32> {
+        let cloud = SurfelCloud {
+            position: vec![Vec3::ZERO, Vec3::X * apart],
+            normal: vec![Vec3::Z; 2],
+            radius: vec![0.008; 2],
+            area: vec![1e-4; 2],
+            flags: flags.to_vec(),
+            ..SurfelCloud::default()
+        };
+        let receiver = Receiver { position: Vec3::Z * 2.0, normal: -Vec3::Z, seed: 0, flags: 0 };
+        let settings = CutSettings { lod, resolution: 8 };
+        let [mut cut, ..] = SurfelTree::new(&cloud).cuts(&[ReceiverBounds::new(&[receiver])], &settings);
+        cut.sort_unstable();
+        cut
+    }
+
+    #[test]
+    fn parts_that_stand_apart_are_drawn_as_one_from_afar_only() {
+        assert_eq!(cut_of_two(0.01, [0; 2], 0.5), [2], "neighbours");
+        assert_eq!(cut_of_two(0.5, [0; 2], 0.5), [0, 1], "a pixel");
+        assert_eq!(cut_of_two(0.5, [0; 2], 2.0), [2], "of the size of a pixel");
+    }
+
+    #[test]
+    fn surfels_that_reflect_on_both_sides_share_no_cluster_with_others() {
+        assert_eq!(cut_of_two(0.01, [0, FLAG_TWO_SIDED], 2.0), [0, 1]);
+        assert_eq!(cut_of_two(0.01, [FLAG_CULL_BACK, 0], 2.0), [0, 1]);
     }
 
     /// Surfels that look inwards from the unit sphere.

@@ -18,6 +18,8 @@ use surflux::settings::{Bounces, Emitters, GatherMethod, Quality, Settings, Surf
 const QUALITIES: [Quality; 4] = [Quality::Draft, Quality::Preview, Quality::Final, Quality::Reference];
 /// Largest error in a furnace.
 const FURNACE: f64 = 5e-3;
+/// The same where rays gather: nothing there is noisy, in corners neither.
+const TRACED_FURNACE: f64 = 3e-4;
 /// Hemicubes a point, as many as neighbouring gathers that a picture averages.
 const TURNS: u32 = 32;
 
@@ -111,7 +113,8 @@ fn furnaces_at_every_quality() {
                 let errors = errors(&case, &case.description, &settings(quality, gather, &case));
                 let worst = errors.iter().fold(0.0f64, |worst, e| worst.max(e.abs()));
                 println!("{id}, {gather:?}, {quality:?}: {worst:e}");
-                assert!(worst <= FURNACE, "{id}, {gather:?}, {quality:?}: {worst}");
+                let least = if gather == GatherMethod::Traced { TRACED_FURNACE } else { FURNACE };
+                assert!(worst <= least, "{id}, {gather:?}, {quality:?}: {worst}");
             }
         }
         let case = load_case("C01_furnace_cube");

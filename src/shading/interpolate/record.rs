@@ -44,7 +44,8 @@ pub struct Reaches {
 }
 
 impl Reaches {
-    /// The error of a linear fit grows with the square of the distance between records, measured in harmonic mean distances.
+    /// The error of a linear fit grows with the square of the distance between records, measured in [distances](distance) of
+    /// what they see.
     pub fn new(tolerance: f32) -> Self {
         Self { tolerance }
     }
@@ -52,7 +53,7 @@ impl Reaches {
     /// The record of a gather; `spacing` is the distance of pixels there.
     pub fn record(&self, point: &ShadingPoint, estimate: &Estimate, spacing: f32) -> Record {
         let shortest = SHORTEST * spacing;
-        let reach = self.tolerance.sqrt() / estimate.closeness.max(f32::MIN_POSITIVE);
+        let reach = self.tolerance.sqrt() * distance(estimate);
         Record {
             position: point.position,
             normal: point.shading_normal,
@@ -62,5 +63,33 @@ impl Reaches {
             closeness: estimate.closeness,
             coverage: estimate.coverage,
         }
+    }
+}
+
+/// How far away what a gather sees is, scene units, as far as the light's second derivative knows: the harmonic mean distance
+/// of the surfaces in sight, over the root of the share of the hemisphere that they fill.
+///
+/// Something that fills a share f at a distance d and moves with the receiver changes the second derivative by about f / d^2.
+/// What fills all of the hemisphere is thus its harmonic mean distance away. The sky does not move: it is no surface that is far
+/// away, and a box in the open is sqrt(1 / f) times d away, not 1 / f times.
+fn distance(estimate: &Estimate) -> f32 {
+    let seen = 1.0 - estimate.coverage.empty;
+    if seen > 0.0 && estimate.closeness > 0.0 { seen.sqrt() / estimate.closeness } else { f32::INFINITY }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seen(share: f32, distance: f32) -> Estimate {
+        let coverage = Coverage { empty: 1.0 - share, ..Coverage::default() };
+        Estimate { closeness: share / distance, coverage, ..Estimate::default() }
+    }
+
+    #[test]
+    fn the_sky_is_not_far_away() {
+        assert_eq!(distance(&seen(1.0, 3.0)), 3.0);
+        assert!((distance(&seen(0.25, 3.0)) - 6.0).abs() < 1e-5, "a quarter of the second derivative");
+        assert_eq!(distance(&seen(0.0, 3.0)), f32::INFINITY);
     }
 }

@@ -3,8 +3,11 @@
 mod block;
 mod bounds;
 mod cluster;
+mod frustum;
+mod packet;
 mod quadric;
 mod ray;
+mod sight;
 mod walk;
 mod wide;
 
@@ -25,6 +28,8 @@ use wide::Wide;
 
 pub use bounds::primitive_box;
 pub use cluster::{ClusterNode, ClusterTree, cluster};
+pub use packet::Directions;
+pub use sight::{Coherence, NOTHING, Seen};
 
 /// How far a ray starts off the surface that it leaves, in scene units (the scene is 1 in size; coordinates are exact
 /// to 3e-8).

@@ -1,7 +1,7 @@
 //! Rays that start in one place and go nearly one way, followed together: the hierarchy is walked once for all of them, and a
 //! triangle is tested against eight rays at a time.
 
-use super::block::{Block, Found, meet};
+use super::block::{Block, meet};
 use super::bounds::primitive_bounds;
 use super::frustum::{Frustum, greatest};
 use super::ray::Ray;
@@ -33,7 +33,7 @@ pub struct Hits {
     pub u: [f32; LANES],
     /// Of their third corners.
     pub v: [f32; LANES],
-    /// See [`Found::entry`]; `u32::MAX` where there is none.
+    /// See [`Found::entry`](super::block::Found::entry); `u32::MAX` where there is none.
     pub entry: [u32; LANES],
     /// Distances of the next surfaces.
     next: [f32; LANES],
@@ -45,12 +45,6 @@ impl Hits {
         let (far, zero) = ([f32::INFINITY; LANES], [0.0; LANES]);
         Self { t: far, u: zero, v: zero, entry: [u32::MAX; LANES], next: far }
     };
-
-    /// What a ray has met.
-    pub fn found(&self, lane: usize) -> Option<Found> {
-        let entry = self.entry[lane];
-        (entry != u32::MAX).then_some(Found { t: self.t[lane], entry })
-    }
 
     /// Rays for which the order of tests may matter, one bit each.
     #[inline(always)]

@@ -1,10 +1,10 @@
 //! What many rays from one place see: surfaces, eight at a time.
 
-use super::block::{Found, Triangle};
+use super::block::Found;
 use super::packet::{Directions, Hits, PacketWalk, one_ray};
 use super::{Accel, Hit};
 use crate::lanes::{self, F32x8, LANES, LaneTask, Mask8, dot, vector};
-use crate::scene::{Located, PrimitiveId};
+use crate::scene::PrimitiveId;
 use glam::{Vec3, Vec3A};
 
 /// Rays that are followed together at most, in eights.
@@ -15,6 +15,9 @@ const FEW: u32 = 10;
 
 /// Eights of rays that are followed one by one before more is tried again.
 const ALONE: u32 = 8;
+
+/// Every lane.
+const ALL: u32 = (1 << LANES) - 1;
 
 /// Stands for no primitive.
 pub const NOTHING: PrimitiveId = PrimitiveId::MAX;
@@ -44,10 +47,6 @@ impl Seen {
     /// Takes lanes from another.
     #[inline(always)]
     fn take(&mut self, other: &Self, mut chosen: u32) {
-        if chosen == (1 << LANES) - 1 {
-            *self = *other;
-            return;
-        }
         self.fronts = self.fronts & !chosen | other.fronts & chosen;
         while chosen != 0 {
             let lane = chosen.trailing_zeros() as usize;
@@ -101,7 +100,7 @@ impl Accel {
             let hits = &mut room[..count];
             if coherence.alone > 0 {
                 coherence.alone -= 1;
-                self.one_by_one(origin, &rays[0], &mut hits[0], (1 << LANES) - 1);
+                self.one_by_one(origin, &rays[0], &mut hits[0], ALL);
             } else if !self.together(origin, rays, hits, coherence) {
                 continue;
             }
@@ -146,24 +145,23 @@ impl Accel {
             let found = self.nearest(&ray).unwrap_or(Found { t: f32::INFINITY, entry: u32::MAX });
             (hits.t[lane], hits.entry[lane]) = (found.t, found.entry);
             if found.entry != u32::MAX {
-                (hits.u[lane], hits.v[lane]) = self.triangle(found).barycentrics(&ray);
+                (hits.u[lane], hits.v[lane]) = self.triangle(found.entry).barycentrics(&ray);
             }
         }
     }
 
     /// Every lane as a point of one triangle; the same operations as for a single [`Hit`].
     #[inline(always)]
-    fn on_triangle<F: F32x8>(&self, i: usize, triangle: &Triangle, rays: &Directions, hits: &Hits) -> Seen {
+    fn on_triangle<F: F32x8>(&self, entry: u32, rays: &Directions, hits: &Hits, seen: &mut Seen) {
+        let (primitive, triangle) = (self.primitive(entry), self.triangle(entry));
         let (zero, one) = (F::splat(0.0), F::splat(1.0));
         let u = one.min(zero.max(F::load(&hits.u)));
         let v = (one - u).min(zero.max(F::load(&hits.v)));
-        let unit = triangle.normal().normalize();
-        let normal = vector::<F>(unit.into());
+        let normal = vector::<F>(triangle.normal().normalize().into());
         let direction = [F::load(&rays[0]), F::load(&rays[1]), F::load(&rays[2])];
         let front = zero.gt(dot(normal, direction));
         let side = front.select(one, F::splat(-1.0));
-        let mut seen = Seen { fronts: front.bits(), ..Seen::NOTHING };
-        let shading = match self.scene.normals.get(i) {
+        let shading = match self.scene.normals.get(primitive as usize) {
             Some(normals) => interpolated(normals, u, v, normal),
             None => normal,
         };
@@ -173,7 +171,30 @@ impl Accel {
             (normal[axis] * side).store(&mut seen.normal[axis]);
             (shading[axis] * side).store(&mut seen.shading_normal[axis]);
         }
-        seen
+        seen.primitive = [primitive; LANES];
+        seen.fronts = front.bits();
+    }
+
+    /// Where the rays meet different surfaces, or no triangle.
+    #[inline(always)]
+    fn several<F: F32x8>(&self, origin: Vec3A, rays: &Directions, hits: &Hits, seen: &mut Seen) {
+        *seen = Seen::NOTHING;
+        let mut left = !equal(&hits.entry, u32::MAX) & ALL;
+        while left != 0 {
+            let lane = left.trailing_zeros() as usize;
+            let found = Found { t: hits.t[lane], entry: hits.entry[lane] };
+            if self.is_triangle(found.entry) {
+                let same = equal(&hits.entry, found.entry);
+                let mut surface = Seen::NOTHING;
+                self.on_triangle::<F>(found.entry, rays, hits, &mut surface);
+                seen.take(&surface, same);
+                left &= !same;
+            } else {
+                let ray = one_ray(origin, rays, lane);
+                seen.set(lane, &self.complete(&ray, found));
+                left &= left - 1;
+            }
+        }
     }
 }
 
@@ -212,34 +233,17 @@ impl LaneTask for Completion<'_> {
 
     #[inline(always)]
     fn run<F: F32x8>(self) {
-        let eights = self.rays.iter().zip(self.hits).zip(self.seen);
-        for ((rays, hits), seen) in eights {
-            *seen = Seen::NOTHING;
-            let mut left = some(&hits.entry);
-            while left != 0 {
-                let lane = left.trailing_zeros() as usize;
-                let found = Found { t: hits.t[lane], entry: hits.entry[lane] };
-                let primitive = self.accel.primitive(found);
-                if let Located::Triangle(i) = self.accel.scene.locate(primitive) {
-                    let same = equal(&hits.entry, found.entry);
-                    let mut surface = self.accel.on_triangle::<F>(i, &self.accel.triangle(found), rays, hits);
-                    surface.primitive = [primitive; LANES];
-                    seen.take(&surface, same);
-                    left &= !same;
-                } else {
-                    let ray = one_ray(self.origin, rays, lane);
-                    seen.set(lane, &self.accel.complete(&ray, found));
-                    left &= left - 1;
-                }
+        for (i, (rays, hits)) in self.rays.iter().zip(self.hits).enumerate() {
+            let seen = &mut self.seen[i];
+            let first = hits.entry[0];
+            let one = equal(&hits.entry, first) == ALL;
+            if one && first != u32::MAX && self.accel.is_triangle(first) {
+                self.accel.on_triangle::<F>(first, rays, hits, seen);
+            } else {
+                self.accel.several::<F>(self.origin, rays, hits, seen);
             }
         }
     }
-}
-
-/// Lanes with an entry, one bit each.
-#[inline(always)]
-fn some(entries: &[u32; LANES]) -> u32 {
-    !equal(entries, u32::MAX) & ((1 << LANES) - 1)
 }
 
 /// Lanes with this entry, one bit each.

@@ -2,7 +2,7 @@
 
 use crate::accel::{Accel, Coherence, Directions, Hit, Seen};
 use crate::direct::sequence::Sequence;
-use crate::lanes::{F32x8, LANES, dot, sub, vector};
+use crate::lanes::{self, F32x8, LANES, LaneTask, dot, sub, vector};
 use crate::math::hash32;
 use crate::scene::{Camera, Material, Scene};
 use glam::{Vec2, Vec3};
@@ -87,9 +87,7 @@ impl View {
     pub(super) fn look(&self, accel: &Accel, at: &[Places], seen: &mut [Seen], coherence: &mut Coherence) {
         let mut rays = [[[0.0; LANES]; 3]; TOGETHER];
         for (at, seen) in at.chunks(TOGETHER).zip(seen.chunks_mut(TOGETHER)) {
-            for (ray, at) in rays.iter_mut().zip(at) {
-                *ray = self.directions(at);
-            }
+            lanes::run(Aim { view: self, at, rays: &mut rays });
             accel.look(self.origin, &rays[..at.len()], seen, coherence);
         }
     }
@@ -190,16 +188,36 @@ impl View {
         let t = 1.0 - 2.0 * y / self.height as f32;
         (self.forward + self.right * s + self.up * t).normalize()
     }
+}
 
-    fn directions(&self, [x, y]: &Places) -> Directions {
-        let mut directions = Directions::default();
-        for lane in 0..LANES {
-            let direction = self.direction(x[lane], y[lane]);
+/// Finds directions through places in the picture, by the operations of [`View::direction`].
+struct Aim<'a> {
+    view: &'a View,
+    at: &'a [Places],
+    rays: &'a mut [Directions],
+}
+
+impl LaneTask for Aim<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<F: F32x8>(self) {
+        let (width, height) = (self.view.width as f32, self.view.height as f32);
+        let one = F::splat(1.0);
+        let (forward, right) = (vector::<F>(self.view.forward), vector::<F>(self.view.right));
+        let up = vector::<F>(self.view.up);
+        for (at, ray) in self.at.iter().zip(self.rays) {
+            let s = F::load(&at[0].map(|x| 2.0 * x / width)) - one;
+            let t = one - F::load(&at[1].map(|y| 2.0 * y / height));
+            let mut direction = forward;
             for axis in 0..3 {
-                directions[axis][lane] = direction[axis];
+                direction[axis] = forward[axis] + right[axis] * s + up[axis] * t;
+            }
+            let inverse = dot(direction, direction).sqrt().recip();
+            for axis in 0..3 {
+                (direction[axis] * inverse).store(&mut ray[axis]);
             }
         }
-        directions
     }
 }
 

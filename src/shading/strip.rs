@@ -17,6 +17,9 @@ pub const ROWS: u32 = 14;
 /// Columns before a strip's first pixel, and places for one more row: neighbours are then found by adding.
 const BEFORE: usize = 1;
 
+/// Every lane.
+const ALL: u32 = (1 << LANES) - 1;
+
 /// Nothing is seen.
 const EMPTY: u32 = u32::MAX;
 
@@ -80,24 +83,32 @@ impl Strip {
         (row as usize + 1) * self.stride + x as usize + BEFORE
     }
 
-    /// What a pixel's middle sees; its row is counted from the first.
-    pub fn point(&self, view: &View, x: u32, row: u32) -> Option<ShadingPoint> {
-        let place = self.place(x, row);
-        let vector = |first: usize| Vec3::from_array([0, 1, 2].map(|axis| self.planes[first + axis][place]));
-        let kind = self.kinds[place];
-        (kind != EMPTY).then(|| ShadingPoint {
-            stream: view.stream(x, self.rows.start + row, 0),
-            position: vector(0),
-            normal: vector(3),
-            shading_normal: vector(6),
-            material: kind / 2,
-            black: kind % 2 != 0,
+    /// What the middles of a row's pixels see; rows are counted from the first.
+    pub fn points(&self, view: &View, row: u32) -> impl Iterator<Item = Option<ShadingPoint>> {
+        let first = self.place(0, row);
+        let own = first..first + self.width as usize;
+        let planes: [&[f32]; 9] = std::array::from_fn(|plane| &self.planes[plane][own.clone()]);
+        let stream = view.stream(0, self.rows.start + row, 0);
+        let samples = u64::from(view.samples);
+        self.kinds[own].iter().enumerate().map(move |(x, &kind)| {
+            let vector = |first: usize| Vec3::from_array([0, 1, 2].map(|axis| planes[first + axis][x]));
+            (kind != EMPTY).then(|| ShadingPoint {
+                stream: stream + x as u64 * samples,
+                position: vector(0),
+                normal: vector(3),
+                shading_normal: vector(6),
+                material: kind / 2,
+                black: kind % 2 != 0,
+            })
         })
     }
 
-    /// For every eight pixels of a row, which of them have a neighbour above, below or beside that sees another surface.
-    pub fn edges(&self, view: &View, row: u32) -> Vec<u8> {
-        lanes::run(Edges { strip: self, view, row })
+    /// For every pixel of a row, whether a neighbour above, below or beside sees another surface.
+    pub fn edges(&self, view: &View, row: u32) -> Vec<bool> {
+        let mut edges = vec![0; self.stride / LANES];
+        lanes::run(Edges { strip: self, view, place: self.place(0, row) - BEFORE, edges: &mut edges });
+        let columns = (0..self.width as usize).map(|x| x + BEFORE);
+        columns.map(|column| edges[column / LANES] >> (column % LANES) & 1 != 0).collect()
     }
 }
 
@@ -129,29 +140,37 @@ pub fn point(scene: &Scene, seen: &Seen, lane: usize, stream: u64) -> Option<Sha
 struct Edges<'a> {
     strip: &'a Strip,
     view: &'a View,
-    row: u32,
+    /// Where the row begins, one place before its first pixel.
+    place: usize,
+    /// A bit for each place.
+    edges: &'a mut [u32],
 }
 
 impl LaneTask for Edges<'_> {
-    type Output = Vec<u8>;
+    type Output = ();
 
     #[inline(always)]
-    fn run<F: F32x8>(self) -> Vec<u8> {
-        let Self { strip, view, row } = self;
-        let eights = (strip.width as usize).div_ceil(LANES);
-        let mut edges = Vec::with_capacity(eights);
-        for eight in 0..eights {
-            let place = strip.place((eight * LANES) as u32, row);
+    fn run<F: F32x8>(self) {
+        let Self { strip, view, place, edges } = self;
+        for eight in 0..edges.len() - 1 {
+            let place = place + eight * LANES;
             let own = strip.surfaces::<F>(place);
             let step = view.footprints(own.position) * F::splat(2.0 * EDGE_STEP);
-            let mut other = 0;
-            for beside in [place - 1, place + 1, place - strip.stride, place + strip.stride] {
-                other |= strip.kinds_differ(place, beside);
-                other |= !own.same_shape(&strip.surfaces(beside), step);
+            for beside in [place - strip.stride, place + strip.stride] {
+                let differ = strip.kinds_differ(place, beside);
+                let (flat, rise) = own.compare(&strip.surfaces(beside));
+                edges[eight] |= differ | !flat.and(step.gt(rise)).bits();
             }
-            edges.push(other as u8);
+            // A pair beside each other is compared once, for both.
+            let right = strip.surfaces::<F>(place + 1);
+            let differ = strip.kinds_differ(place, place + 1);
+            let (flat, rise) = own.compare(&right);
+            let steps = view.footprints(right.position) * F::splat(2.0 * EDGE_STEP);
+            edges[eight] |= differ | !flat.and(step.gt(rise)).bits();
+            let shifted = (differ | !flat.and(steps.gt(rise)).bits() & ALL) << 1;
+            edges[eight] |= shifted;
+            edges[eight + 1] |= shifted >> LANES;
         }
-        edges
     }
 }
 
@@ -163,17 +182,17 @@ struct Surfaces<F> {
 }
 
 impl<F: F32x8> Surfaces<F> {
-    /// Lanes that may lie on one smooth surface, as in [`same_surface`](super::visible::same_surface).
+    /// Which lanes have like shading normals, and how far apart the surfaces lie, twice: what
+    /// [`same_surface`](super::visible::same_surface) compares.
     #[inline(always)]
-    fn same_shape(&self, o: &Self, step: F) -> u32 {
+    fn compare(&self, o: &Self) -> (F::Mask, F) {
         let offset = sub(o.position, self.position);
         let turn = sub(self.shading_normal, o.shading_normal);
         let mut normals = self.normal;
         for axis in 0..3 {
             normals[axis] = self.normal[axis] + o.normal[axis];
         }
-        let flat = F::splat(EDGE_TURN * EDGE_TURN).gt(dot(turn, turn));
-        flat.and(step.gt(dot(offset, normals).abs())).bits()
+        (F::splat(EDGE_TURN * EDGE_TURN).gt(dot(turn, turn)), dot(offset, normals).abs())
     }
 }
 

@@ -105,13 +105,13 @@ impl Part {
         part.shares.reserve(pixels);
         part.starts.reserve(pixels);
         for row in 0..rows.len() as u32 {
-            let edges = if view.samples > 1 { strip.edges(view, row) } else { Vec::new() };
-            for x in 0..view.width {
+            let edges =
+                if view.samples > 1 { strip.edges(view, row) } else { vec![false; view.width as usize] };
+            for ((x, middle), edge) in (0..).zip(strip.points(view, row)).zip(edges) {
                 part.starts.push(part.points.len() as u32);
-                let edge = edges.get(x as usize / LANES).is_some_and(|edges| edges >> (x % 8) & 1 != 0);
                 if edge {
                     refinement.refine(x, rows.start + row, &mut part);
-                } else if let Some(point) = strip.point(view, x, row) {
+                } else if let Some(point) = middle {
                     part.points.push(point);
                     part.shares.push(1.0);
                 }

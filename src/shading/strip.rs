@@ -91,7 +91,8 @@ impl Strip {
         let stream = view.stream(0, self.rows.start + row, 0);
         let samples = u64::from(view.samples);
         self.kinds[own].iter().enumerate().map(move |(x, &kind)| {
-            let vector = |first: usize| Vec3::from_array([0, 1, 2].map(|axis| planes[first + axis][x]));
+            let vector =
+                |first: usize| Vec3::new(planes[first][x], planes[first + 1][x], planes[first + 2][x]);
             (kind != EMPTY).then(|| ShadingPoint {
                 stream: stream + x as u64 * samples,
                 position: vector(0),
@@ -208,8 +209,11 @@ impl Strip {
 
     #[inline(always)]
     fn vectors<F: F32x8>(&self, first: usize, place: usize) -> [F; 3] {
-        let [a, b, c] = [0, 1, 2].map(|axis| eight(&self.planes[first + axis], place));
-        [F::load(a), F::load(b), F::load(c)]
+        [
+            F::load(eight(&self.planes[first], place)),
+            F::load(eight(&self.planes[first + 1], place)),
+            F::load(eight(&self.planes[first + 2], place)),
+        ]
     }
 
     #[inline(always)]

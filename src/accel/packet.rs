@@ -17,12 +17,12 @@ pub type Directions = [[f32; LANES]; 3];
 /// Where two surfaces are this close, relative to the distance, the order of tests may decide which one a ray meets.
 const CLOSE: f32 = 4e-7;
 
-/// Nodes and primitives that are worth a visit by eight rays together; each ray by itself would cost more from about ten times
-/// as many on.
-const WORTH_EIGHT: u32 = 48;
+/// Nodes and primitives that are worth a visit by eight or sixteen rays together; each ray by itself would cost more from
+/// several times as many on.
+const WORTH_FEW: u32 = 48;
 
 /// The same for more rays, which may be followed by halves instead.
-const WORTH_MORE: u32 = 20;
+const WORTH_MANY: u32 = 20;
 
 /// The nearest surfaces that eight rays meet.
 #[derive(Debug, Clone, Copy)]
@@ -86,7 +86,7 @@ impl LaneTask for PacketWalk<'_> {
     #[inline(always)]
     fn run<F: F32x8>(mut self) -> Option<u32> {
         let frustum = Frustum::<F>::around(self.origin, self.rays)?;
-        let worth = if self.rays.len() > 1 { WORTH_MORE } else { WORTH_EIGHT };
+        let worth = if self.rays.len() > 2 { WORTH_MANY } else { WORTH_FEW };
         self.hits.fill(Hits::NONE);
         let (mut steps, mut reach) = (0, f32::INFINITY);
         let mut waiting = Stack::new(Waiting { t: 0.0, child: Child::ROOT });

@@ -13,7 +13,7 @@ const MOST: usize = 8;
 /// So few steps leave room for twice as many rays.
 const FEW: u32 = 10;
 
-/// Eights of rays that are followed one by one before more is tried again.
+/// How many times rays are followed one by one before more is tried again.
 const ALONE: u32 = 8;
 
 /// Every lane.
@@ -77,7 +77,7 @@ impl Seen {
 pub struct Coherence {
     /// Eights of rays.
     together: usize,
-    /// Eights to be followed ray by ray before that.
+    /// How many times rays are to be followed one by one before that.
     alone: u32,
 }
 
@@ -100,7 +100,9 @@ impl Accel {
             let hits = &mut room[..count];
             if coherence.alone > 0 {
                 coherence.alone -= 1;
-                self.one_by_one(origin, &rays[0], &mut hits[0], ALL);
+                for (rays, hits) in rays.iter().zip(&mut *hits) {
+                    self.one_by_one(origin, rays, hits, ALL);
+                }
             } else if !self.together(origin, rays, hits, coherence) {
                 continue;
             }
@@ -120,7 +122,7 @@ impl Accel {
         let walk = PacketWalk { scene: &self.scene, wide: &self.wide, origin, rays, hits: &mut *hits };
         let Some(steps) = lanes::run(walk) else {
             match rays.len() {
-                1 => *coherence = Coherence { together: 1, alone: ALONE },
+                1 | 2 => *coherence = Coherence { together: 2, alone: ALONE },
                 count => coherence.together = count / 2,
             }
             return false;
@@ -250,4 +252,94 @@ impl LaneTask for Completion<'_> {
 #[inline(always)]
 fn equal(entries: &[u32; LANES], entry: u32) -> u32 {
     (0..LANES).fold(0, |bits, lane| bits | u32::from(entries[lane] == entry) << lane)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Rng;
+    use crate::scene::{Material, Scene, SceneDescription, Shape};
+    use glam::DVec3;
+    use std::sync::Arc;
+
+    /// Sixteen by eight rays that fan out by a fraction of their length.
+    fn bundle(rng: &mut Rng, spread: f32) -> Vec<Directions> {
+        let unit = |rng: &mut Rng| Vec3::new(rng.unit(), rng.unit(), rng.unit()) * 2.0 - 1.0;
+        let (ahead, right, down) = (unit(rng).normalize_or(Vec3::X), unit(rng) * spread, unit(rng) * spread);
+        let of_row = |row: usize| {
+            let mut rays = Directions::default();
+            for lane in 0..LANES {
+                let direction = ahead + right * (lane as f32 / 8.0) + down * (row as f32 / 16.0);
+                let direction = direction.normalize();
+                (0..3).for_each(|axis| rays[axis][lane] = direction[axis]);
+            }
+            rays
+        };
+        (0..16).map(of_row).collect()
+    }
+
+    /// Holds what bundles see to what each ray by itself hits; returns how many rays hit something.
+    fn compare(accel: &Accel, origin: Vec3, rays: &[Directions], coherence: &mut Coherence) -> u32 {
+        let mut seen = vec![Seen::NOTHING; rays.len()];
+        accel.look(origin, rays, &mut seen, coherence);
+        let mut hits = 0;
+        for (rays, seen) in rays.iter().zip(&seen) {
+            for lane in 0..LANES {
+                let direction = Vec3::new(rays[0][lane], rays[1][lane], rays[2][lane]);
+                let mut expected = Seen::NOTHING;
+                if let Some(hit) = accel.closest_hit(origin, direction, f32::INFINITY) {
+                    expected.set(lane, &hit);
+                    hits += 1;
+                }
+                let numbers = |seen: &Seen| {
+                    let of_lane = |vectors: &[[f32; LANES]; 3]| vectors.map(|axis| axis[lane]);
+                    let front = seen.fronts >> lane & 1;
+                    let vectors = [&seen.position, &seen.normal, &seen.shading_normal].map(of_lane);
+                    (seen.primitive[lane], front, vectors)
+                };
+                assert_eq!(numbers(seen), numbers(&expected));
+            }
+        }
+        hits
+    }
+
+    /// A wavy square of small triangles with smooth normals, and a flat copy in its place, back to back and front to front.
+    fn waves() -> Accel {
+        const N: u32 = 60;
+        let place = |i: u32| f64::from(i) / f64::from(N) * 2.0 - 1.0;
+        let grid = |height: f64| -> Vec<DVec3> {
+            let of_row = |y: u32| (0..=N).map(move |x| (place(x), place(y)));
+            let wave = |(x, y): (f64, f64)| DVec3::new(x, y, height * (9.0 * x).sin() * (7.0 * y).cos());
+            (0..=N).flat_map(of_row).map(wave).collect()
+        };
+        let cells = (0..N).flat_map(|y| (0..N).map(move |x| y * (N + 1) + x));
+        let front: Vec<[u32; 3]> =
+            cells.flat_map(|i| [[i, i + 1, i + N + 2], [i, i + N + 2, i + N + 1]]).collect();
+        let back: Vec<[u32; 3]> = front.iter().map(|&[a, b, c]| [a, c, b]).collect();
+        let smooth = |corner: u32, at: &[DVec3]| (DVec3::Z + 0.3 * at[corner as usize]).normalize().as_vec3();
+        let mesh = |height: f64, triangles: &[[u32; 3]]| {
+            let (positions, materials) = (grid(height), vec![0; triangles.len()]);
+            let normals = triangles.iter().map(|corners| corners.map(|c| smooth(c, &positions))).collect();
+            let normals = if height == 0.0 { Vec::new() } else { normals };
+            Shape::Mesh { triangles: triangles.to_vec(), normals, positions, materials }
+        };
+        let shapes = vec![mesh(0.2, &front), mesh(0.0, &front), mesh(0.0, &front), mesh(0.0, &back)];
+        let materials = vec![Material::default()];
+        let description = SceneDescription { shapes, materials, ..SceneDescription::default() };
+        Accel::new(Arc::new(Scene::new(&description).expect("has an area")))
+    }
+
+    #[test]
+    fn rays_see_together_what_each_sees() {
+        let mut rng = Rng::new(3, 0);
+        for accel in [super::super::walk::tests::clutter(&mut rng), waves()] {
+            let (mut hits, mut coherence) = (0, Coherence::default());
+            for i in 0..400 {
+                let origin = Vec3::new(rng.unit(), rng.unit(), rng.unit()) * 2.0 - 1.0;
+                let spread = [1e-6, 1e-3, 0.02, 0.1, 1.0][i % 5];
+                hits += compare(&accel, origin, &bundle(&mut rng, spread), &mut coherence);
+            }
+            assert!((400 * 16..400 * 120).contains(&hits), "{hits} hits");
+        }
+    }
 }

@@ -124,7 +124,7 @@ impl Stack {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::super::Accel;
     use super::*;
     use crate::accel::block::Block;
@@ -139,7 +139,7 @@ mod tests {
     }
 
     /// Triangles of all sizes, spheres and cuboids, one through the other.
-    fn clutter(rng: &mut Rng) -> Accel {
+    pub(in crate::accel) fn clutter(rng: &mut Rng) -> Accel {
         let mut shapes = Vec::new();
         for i in 0..300 {
             let (at, size) = (vector(rng), 1.0 / (1.0 + (i % 30) as f32));

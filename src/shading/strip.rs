@@ -28,39 +28,48 @@ const EMPTY: u32 = u32::MAX;
 pub struct Strip {
     width: u32,
     /// The rows, numbered from the top of the picture.
-    pub rows: Range<u32>,
+    rows: Range<u32>,
     stride: usize,
     /// Position, normal and shading normal.
     planes: [Vec<f32>; 9],
     /// Twice the material, and 1 more if the camera sees the black back of a one-sided surface; or [`EMPTY`].
     kinds: Vec<u32>,
+    /// Eight pixels of every row.
+    places: Vec<Places>,
+    seen: Vec<Seen>,
 }
 
 impl Strip {
-    /// Looks through the middles of all pixels.
-    pub fn look(view: &View, accel: &Accel, rows: Range<u32>, coherence: &mut Coherence) -> Self {
-        let columns = (view.width as usize + 2).div_ceil(LANES);
+    /// Room for rows of a picture.
+    pub fn new(view: &View) -> Self {
         // One lane more: the last pixels' neighbours are loaded by eights, too.
-        let stride = (columns + 1) * LANES;
-        let count = stride * (rows.len() + 2);
-        let planes = std::array::from_fn(|_| vec![0.0; count]);
-        let mut strip = Self { width: view.width, rows, stride, planes, kinds: vec![EMPTY; count] };
-        let mut seen = vec![Seen::NOTHING; strip.rows.len() + 2];
-        for column in 0..columns {
-            let places: Vec<Places> = (0..seen.len()).map(|row| strip.places(column, row)).collect();
-            view.look(accel, &places, &mut seen, coherence);
-            for (row, seen) in seen.iter().enumerate() {
-                strip.set(accel.scene(), row * strip.stride + column * LANES, seen);
-            }
+        let stride = ((view.width as usize + 2).div_ceil(LANES) + 1) * LANES;
+        let rows = view.height.min(ROWS) as usize + 2;
+        Self {
+            width: view.width,
+            rows: 0..0,
+            stride,
+            planes: std::array::from_fn(|_| vec![0.0; stride * rows]),
+            kinds: vec![EMPTY; stride * rows],
+            places: Vec::with_capacity(rows),
+            seen: vec![Seen::NOTHING; rows],
         }
-        strip
     }
 
-    /// The middles of eight pixels, the first of them in the picture at `LANES * column - 1`.
-    fn places(&self, column: usize, row: usize) -> Places {
-        let first = (column * LANES) as f32 - BEFORE as f32 + 0.5;
-        let y = self.rows.start as f32 + row as f32 - 1.0 + 0.5;
-        [std::array::from_fn(|lane| first + lane as f32), [y; LANES]]
+    /// Looks through the middles of all pixels of at most [`ROWS`] rows.
+    pub fn look(&mut self, view: &View, accel: &Accel, rows: Range<u32>, coherence: &mut Coherence) {
+        self.rows = rows;
+        let count = self.rows.len() + 2;
+        let mut seen = std::mem::take(&mut self.seen);
+        for column in 0..self.stride / LANES - 1 {
+            self.places.clear();
+            self.places.extend((0..count).map(|row| places(self.rows.start, column, row)));
+            view.look(accel, &self.places, &mut seen[..count], coherence);
+            for (row, seen) in seen[..count].iter().enumerate() {
+                self.set(accel.scene(), row * self.stride + column * LANES, seen);
+            }
+        }
+        self.seen = seen;
     }
 
     fn set(&mut self, scene: &Scene, place: usize, seen: &Seen) {
@@ -113,6 +122,14 @@ impl Strip {
     }
 }
 
+/// The middles of eight pixels, the first of them in the picture's column `LANES * column - 1`; row 0 is the one above
+/// `first_row`.
+fn places(first_row: u32, column: usize, row: usize) -> Places {
+    let x = (column * LANES) as f32 - BEFORE as f32 + 0.5;
+    let y = first_row as f32 + row as f32 - 1.0 + 0.5;
+    [std::array::from_fn(|lane| x + lane as f32), [y; LANES]]
+}
+
 /// What one of eight rays shows of a surface, next to its shape.
 fn kind(scene: &Scene, seen: &Seen, lane: usize) -> u32 {
     if seen.primitive[lane] == NOTHING {
@@ -153,26 +170,33 @@ impl LaneTask for Edges<'_> {
     #[inline(always)]
     fn run<F: F32x8>(self) {
         let Self { strip, view, place, edges } = self;
+        let count = edges.len() * LANES;
+        let own_row = strip.row(place, count);
+        let (above, below) = (strip.row(place - strip.stride, count), strip.row(place + strip.stride, count));
         for eight in 0..edges.len() - 1 {
-            let place = place + eight * LANES;
-            let own = strip.surfaces::<F>(place);
+            let at = eight * LANES;
+            let own = own_row.surfaces::<F>(at);
             let step = view.footprints(own.position) * F::splat(2.0 * EDGE_STEP);
-            for beside in [place - strip.stride, place + strip.stride] {
-                let differ = strip.kinds_differ(place, beside);
-                let (flat, rise) = own.compare(&strip.surfaces(beside));
-                edges[eight] |= differ | !flat.and(step.gt(rise)).bits();
+            for beside in [&above, &below] {
+                let (flat, rise) = own.compare(&beside.surfaces(at));
+                edges[eight] |= own_row.kinds_differ(at, beside, at) | !flat.and(step.gt(rise)).bits();
             }
             // A pair beside each other is compared once, for both.
-            let right = strip.surfaces::<F>(place + 1);
-            let differ = strip.kinds_differ(place, place + 1);
+            let right = own_row.surfaces::<F>(at + 1);
+            let differ = own_row.kinds_differ(at, &own_row, at + 1);
             let (flat, rise) = own.compare(&right);
             let steps = view.footprints(right.position) * F::splat(2.0 * EDGE_STEP);
-            edges[eight] |= differ | !flat.and(step.gt(rise)).bits();
-            let shifted = (differ | !flat.and(steps.gt(rise)).bits() & ALL) << 1;
-            edges[eight] |= shifted;
-            edges[eight + 1] |= shifted >> LANES;
+            let other = ((differ | !flat.and(steps.gt(rise)).bits()) & ALL) << 1;
+            edges[eight] |= differ | !flat.and(step.gt(rise)).bits() | other;
+            edges[eight + 1] |= other >> LANES;
         }
     }
+}
+
+/// A row's part of the planes.
+struct Row<'a> {
+    planes: [&'a [f32]; 9],
+    kinds: &'a [u32],
 }
 
 /// Shapes of the surfaces of eight pixels.
@@ -198,33 +222,36 @@ impl<F: F32x8> Surfaces<F> {
 }
 
 impl Strip {
+    /// So many places from one on.
     #[inline(always)]
-    fn surfaces<F: F32x8>(&self, place: usize) -> Surfaces<F> {
+    fn row(&self, place: usize, count: usize) -> Row<'_> {
+        let own = place..place + count;
+        let planes = std::array::from_fn(|plane| &self.planes[plane][own.clone()]);
+        Row { planes, kinds: &self.kinds[own] }
+    }
+}
+
+impl Row<'_> {
+    #[inline(always)]
+    fn surfaces<F: F32x8>(&self, at: usize) -> Surfaces<F> {
+        let [a, b, c, d, e, f, g, h, i] = &self.planes;
         Surfaces {
-            position: self.vectors(0, place),
-            normal: self.vectors(3, place),
-            shading_normal: self.vectors(6, place),
+            position: [load(a, at), load(b, at), load(c, at)],
+            normal: [load(d, at), load(e, at), load(f, at)],
+            shading_normal: [load(g, at), load(h, at), load(i, at)],
         }
     }
 
     #[inline(always)]
-    fn vectors<F: F32x8>(&self, first: usize, place: usize) -> [F; 3] {
-        [
-            F::load(eight(&self.planes[first], place)),
-            F::load(eight(&self.planes[first + 1], place)),
-            F::load(eight(&self.planes[first + 2], place)),
-        ]
-    }
-
-    #[inline(always)]
-    fn kinds_differ(&self, a: usize, b: usize) -> u32 {
-        let (a, b) = (eight(&self.kinds, a), eight(&self.kinds, b));
+    fn kinds_differ(&self, at: usize, o: &Row, there: usize) -> u32 {
+        let (a, b) = (&self.kinds[at..at + LANES], &o.kinds[there..there + LANES]);
         (0..LANES).fold(0, |bits, lane| bits | u32::from(a[lane] != b[lane]) << lane)
     }
 }
 
 /// Eight numbers of a plane.
 #[inline(always)]
-fn eight<T>(plane: &[T], place: usize) -> &[T; LANES] {
-    plane[place..].first_chunk().expect("every row ends with more lanes than are looked at")
+fn load<F: F32x8>(plane: &[f32], at: usize) -> F {
+    let (eights, _) = plane[at..at + LANES].as_chunks();
+    F::load(&eights[0])
 }

@@ -43,7 +43,8 @@ impl Visible {
             .step_by(strip::ROWS as usize)
             .map(|first| first..rows.end.min(first + strip::ROWS))
             .collect();
-        let parts: Vec<Part> = strips.into_par_iter().map(|rows| Part::trace(view, accel, rows)).collect();
+        let worker = || Worker { strip: Strip::new(view), refinement: Refinement::new(view, accel) };
+        let parts: Vec<Part> = strips.into_par_iter().map_init(worker, Worker::trace).collect();
         interrupt::check()?;
         let starts_of_parts = parts.iter().scan(0, |count, part| {
             let start = *count;
@@ -92,24 +93,27 @@ struct Part {
     starts: Vec<u32>,
 }
 
-impl Part {
-    fn trace(view: &View, accel: &Accel, rows: Range<u32>) -> Self {
-        let mut part = Self::default();
+/// What a thread needs to trace strips.
+struct Worker<'a> {
+    strip: Strip,
+    refinement: Refinement<'a>,
+}
+
+impl Worker<'_> {
+    fn trace(&mut self, rows: Range<u32>) -> Part {
         if interrupt::requested() {
-            return part;
+            return Part::default();
         }
-        let mut refinement = Refinement::new(view, accel);
-        let strip = Strip::look(view, accel, rows.clone(), &mut refinement.coherence);
-        let pixels = view.width as usize * rows.len();
-        part.points.reserve(pixels);
-        part.shares.reserve(pixels);
-        part.starts.reserve(pixels);
+        let Self { strip, refinement } = self;
+        let Refinement { view, accel, coherence, .. } = refinement;
+        let view = *view;
+        strip.look(view, accel, rows.clone(), coherence);
+        let mut part = Part::with_room(view.width as usize * rows.len());
         for row in 0..rows.len() as u32 {
-            let edges =
-                if view.samples > 1 { strip.edges(view, row) } else { vec![false; view.width as usize] };
+            let edges = strip.edges(view, row);
             for ((x, middle), edge) in (0..).zip(strip.points(view, row)).zip(edges) {
                 part.starts.push(part.points.len() as u32);
-                if edge {
+                if edge && view.samples > 1 {
                     refinement.refine(x, rows.start + row, &mut part);
                 } else if let Some(point) = middle {
                     part.points.push(point);
@@ -118,6 +122,16 @@ impl Part {
             }
         }
         part
+    }
+}
+
+impl Part {
+    fn with_room(pixels: usize) -> Self {
+        Self {
+            points: Vec::with_capacity(pixels),
+            shares: Vec::with_capacity(pixels),
+            starts: Vec::with_capacity(pixels),
+        }
     }
 }
 
@@ -208,7 +222,10 @@ fn group(view: &View, samples: &mut [ShadingPoint], groups: &mut Vec<Range<usize
         let mut end = first + 1;
         for i in first + 1..samples.len() {
             if same_surface(&leader, &samples[i], footprint) {
-                samples.swap(i, end);
+                // Mostly nothing moves.
+                if i != end {
+                    samples.swap(i, end);
+                }
                 end += 1;
             }
         }

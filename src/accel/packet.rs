@@ -19,7 +19,7 @@ const CLOSE: f32 = 4e-7;
 
 /// Nodes and primitives that are worth a visit by eight or sixteen rays together; each ray by itself would cost more from
 /// several times as many on.
-const WORTH_FEW: u32 = 48;
+const WORTH_FEW: u32 = 128;
 
 /// The same for more rays, which may be followed by halves instead.
 const WORTH_MANY: u32 = 20;

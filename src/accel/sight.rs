@@ -146,7 +146,7 @@ impl Accel {
             let ray = one_ray(origin, rays, lane);
             let found = self.nearest(&ray).unwrap_or(Found { t: f32::INFINITY, entry: u32::MAX });
             (hits.t[lane], hits.entry[lane]) = (found.t, found.entry);
-            if found.entry != u32::MAX {
+            if found.entry != u32::MAX && self.is_triangle(found.entry) {
                 (hits.u[lane], hits.v[lane]) = self.triangle(found.entry).barycentrics(&ray);
             }
         }
@@ -262,10 +262,13 @@ mod tests {
     use glam::DVec3;
     use std::sync::Arc;
 
-    /// Sixteen by eight rays that fan out by a fraction of their length.
-    fn bundle(rng: &mut Rng, spread: f32) -> Vec<Directions> {
-        let unit = |rng: &mut Rng| Vec3::new(rng.unit(), rng.unit(), rng.unit()) * 2.0 - 1.0;
-        let (ahead, right, down) = (unit(rng).normalize_or(Vec3::X), unit(rng) * spread, unit(rng) * spread);
+    fn vector(rng: &mut Rng) -> Vec3 {
+        Vec3::new(rng.unit(), rng.unit(), rng.unit()) * 2.0 - 1.0
+    }
+
+    /// Sixteen by eight rays along a direction that fan out by a fraction of their length.
+    fn bundle(rng: &mut Rng, ahead: Vec3, spread: f32) -> Vec<Directions> {
+        let (right, down) = (vector(rng) * spread, vector(rng) * spread);
         let of_row = |row: usize| {
             let mut rays = Directions::default();
             for lane in 0..LANES {
@@ -335,9 +338,11 @@ mod tests {
         for accel in [super::super::walk::tests::clutter(&mut rng), waves()] {
             let (mut hits, mut coherence) = (0, Coherence::default());
             for i in 0..400 {
-                let origin = Vec3::new(rng.unit(), rng.unit(), rng.unit()) * 2.0 - 1.0;
+                // Scenes fit the unit cube about 0.
+                let (origin, at) = (vector(&mut rng), vector(&mut rng) * 0.3);
                 let spread = [1e-6, 1e-3, 0.02, 0.1, 1.0][i % 5];
-                hits += compare(&accel, origin, &bundle(&mut rng, spread), &mut coherence);
+                let rays = bundle(&mut rng, (at - origin).normalize_or(Vec3::X), spread);
+                hits += compare(&accel, origin, &rays, &mut coherence);
             }
             assert!((400 * 16..400 * 120).contains(&hits), "{hits} hits");
         }

@@ -255,3 +255,64 @@ fn load<F: F32x8>(plane: &[f32], at: usize) -> F {
     let (eights, _) = plane[at..at + LANES].as_chunks();
     F::load(&eights[0])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{default_framing, load};
+    use glam::Vec2;
+    use std::path::PathBuf;
+    use std::sync::Arc;
+
+    const SIZE: u32 = 150;
+
+    /// A point's numbers, free of the signs of zeros.
+    fn numbers(point: Option<ShadingPoint>) -> Option<(u64, [Vec3; 3], u32, bool)> {
+        point.map(|p| (p.stream, [p.position, p.normal, p.shading_normal], p.material, p.black))
+    }
+
+    /// Holds all middles, and some pixels' samples, to rays that are traced one by one.
+    fn compare(view: &View, accel: &Accel) {
+        let (mut strip, mut coherence) = (Strip::new(view), Coherence::default());
+        for first in (0..SIZE).step_by(ROWS as usize) {
+            strip.look(view, accel, first..SIZE.min(first + ROWS), &mut coherence);
+            for y in strip.rows.clone() {
+                for (x, point) in (0..).zip(strip.points(view, y - first)) {
+                    let expected = view.trace_within(accel, view.stream(x, y, 0), Vec2::splat(0.5));
+                    assert_eq!(numbers(point), numbers(expected), "pixel {x}, {y}");
+                }
+            }
+        }
+        let mut seen = [Seen::NOTHING; 2];
+        for (x, y) in (0..1000).map(|i| (i * 7 % SIZE, i * 11 % SIZE)) {
+            let places = [view.sample_places(x, y, 0), view.sample_places(x, y, LANES as u32)];
+            view.look(accel, &places, &mut seen, &mut coherence);
+            for sample in 0..2 * LANES {
+                let (eight, lane) = (sample / LANES, sample % LANES);
+                let stream = view.stream(x, y, sample as u32);
+                let within = places[eight].map(|axis| axis[lane]);
+                let within = Vec2::from(within) - Vec2::new(x as f32, y as f32);
+                let expected = view.trace_within(accel, stream, within);
+                let found = point(accel.scene(), &seen[eight], lane, stream);
+                assert_eq!(numbers(found), numbers(expected), "pixel {x}, {y}, sample {sample}");
+            }
+        }
+    }
+
+    #[test]
+    fn strips_see_what_single_rays_see_in_every_scene() {
+        let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("scenes");
+        let files = std::fs::read_dir(folder).expect("the scenes are there");
+        let files = files.map(|file| file.expect("a file").path());
+        let mut scenes = 0;
+        for file in files.filter(|file| file.extension().is_some_and(|e| e == "pov" || e == "obj")) {
+            let description = load(&[file]).expect("it loads");
+            let camera = description.camera.clone().or_else(|| default_framing(&description).ok());
+            let scene = Arc::new(Scene::new(&description).expect("has an area"));
+            let view = View::new(&scene, &camera.expect("a view"), SIZE, SIZE, 16, 1);
+            compare(&view, &Accel::new(scene));
+            scenes += 1;
+        }
+        assert!(scenes >= 8, "{scenes} scenes");
+    }
+}

@@ -53,12 +53,12 @@ impl<'a> LightAlone<'a> {
     pub fn unshadowed(&self, points: &[LitPoint]) -> Vec<f32> {
         let sound = |factor: f64| if factor.is_finite() { factor.max(0.0) as f32 } else { 0.0 };
         let locals = points.iter().map(Local::new);
-        match self.light {
-            Light::Convex(convex) => {
-                convex.irradiances(&locals.collect::<Vec<_>>()).into_iter().map(sound).collect()
-            }
-            light => locals.map(|local| sound(light.irradiance(&local))).collect(),
-        }
+        let factors = match self.light {
+            Light::Convex(convex) => convex.irradiances(&locals.collect::<Vec<_>>()),
+            Light::Polygon(polygon) => polygon.irradiances(points),
+            light => locals.map(|local| light.irradiance(&local)).collect(),
+        };
+        factors.into_iter().map(sound).collect()
     }
 
     /// Whether a point of the light that belongs to a point of the unit square is seen; `None` when it is below the

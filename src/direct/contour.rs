@@ -10,7 +10,7 @@ const SHORT: f64 = 0.01;
 const MODERATE: f64 = 0.2;
 
 /// Coefficients of asin(s) / s in powers of the square of s.
-const ARCSINE: [f64; 11] = [
+pub(super) const ARCSINE: [f64; 11] = [
     1.0,
     1.0 / 6.0,
     3.0 / 40.0,

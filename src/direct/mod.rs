@@ -8,6 +8,7 @@ mod chosen;
 mod collect;
 mod contour;
 mod convex;
+mod eight;
 mod flux;
 mod light_tree;
 mod local;
@@ -175,6 +176,21 @@ impl Light {
         .filter(|view| view.unshadowed.max_element() > 0.0)
     }
 
+    /// Follows one shadow ray, by which an estimate of the irradiance is free of bias.
+    fn glimpse(&self, tally: &mut Tally, query: &Query, u: Vec2) {
+        let sample = match self {
+            Self::Polygon(polygon) => polygon.glimpse(query.point, u),
+            _ => None,
+        };
+        match sample {
+            Some(sample) => tally.glimpse(query, &sample),
+            None => {
+                let local = Local::new(query.point);
+                self.view(&local).iter().for_each(|view| tally.trace(query, view, 1.0, u));
+            }
+        }
+    }
+
     /// Irradiance with colour 1, shadows apart.
     fn irradiance(&self, local: &Local) -> f64 {
         match self {
@@ -323,11 +339,10 @@ impl Lights {
     ) -> DirectLight {
         let query = Query { accel, point, gloss };
         let mut tally = Tally::default();
-        let local = Local::new(point);
         if let [only] = self.exact.as_slice() {
-            // Nothing to choose, so what is seen of it need be found but once.
-            only.view(&local).iter().for_each(|view| tally.trace(&query, view, 1.0, u));
-        } else if let Some(seen) = SeenLights::new(self, local) {
+            // Nothing to choose, so how much is seen of it need not be known.
+            only.glimpse(&mut tally, &query, u);
+        } else if let Some(seen) = SeenLights::new(self, Local::new(point)) {
             seen.trace(&mut tally, &query, choice, u);
         }
         let mut sum = tally.mean();

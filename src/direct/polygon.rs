@@ -1,10 +1,13 @@
 //! Irradiance from a convex polygon of uniform radiance: Lambert's formula with exact horizon clipping.
 
+use super::LitPoint;
 use super::alone::ProbePoint;
 use super::contour;
+use super::eight::Outline;
 use super::local::Local;
 use super::patch::{INSET, Patch};
 use super::view::{LightSample, View};
+use crate::lanes;
 use crate::math::uniform_triangle;
 use crate::scene::Material;
 use glam::{DVec3, Vec2, Vec3};
@@ -15,6 +18,10 @@ pub(super) const CAPACITY: usize = 33;
 /// Distance from an emitter's plane below which a receiver lies in that plane, scene units. It exceeds the rounding
 /// of scene coordinates, so that no receiver is lit by the emitter that it lies on.
 const IN_PLANE: f64 = 2e-7;
+
+/// From further away than so many times its largest half-width, points of a polygon count for about the same irradiance each,
+/// wherever they are on it: within a factor of 1.8 of the middle's.
+const FAR: f32 = 4.0;
 
 /// A convex polygon in a receiver's coordinates.
 #[derive(Debug, Clone)]
@@ -75,6 +82,9 @@ pub(super) struct PolygonLight {
     normal: DVec3,
     /// Areas of the triangles of the fan about the first corner, summed up to and including each.
     areas: Vec<f32>,
+    middle: Vec3,
+    /// Distance from the middle that no corner exceeds.
+    radius: f32,
     pub(super) radiance: Vec3,
     two_sided: bool,
 }
@@ -91,7 +101,52 @@ impl PolygonLight {
                 Some(*sum)
             })
             .collect();
-        Self { corners, normal, areas, radiance: material.emission, two_sided: material.two_sided }
+        let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
+        let radius = corners.iter().map(|c| c.distance(middle)).fold(0.0, f64::max);
+        Self {
+            corners,
+            normal,
+            areas,
+            middle: middle.as_vec3(),
+            radius: radius as f32,
+            radiance: material.emission,
+            two_sided: material.two_sided,
+        }
+    }
+
+    /// A point on it for a single ray, without asking how much is seen of the rest; `None` close by, where that matters.
+    pub(super) fn glimpse(&self, point: &LitPoint, u: Vec2) -> Option<LightSample> {
+        if point.position.distance_squared(self.middle) < (FAR * self.radius).powi(2)
+            || !self.shines_at(self.height(point.position.as_dvec3()))
+        {
+            return None;
+        }
+        let ProbePoint { position, normal } = self.probe(point.position, u);
+        let offset = position - point.position;
+        let direction = offset.normalize();
+        let area = self.areas[self.areas.len() - 1];
+        let solid_angle = area * normal.dot(direction).abs() / offset.length_squared();
+        Some(LightSample {
+            point: position,
+            normal,
+            direction,
+            weight: 1.0,
+            perpendicular: self.radiance * solid_angle,
+        })
+    }
+
+    /// [`Self::irradiance`] at many receivers, to 1e-4 of itself.
+    pub(super) fn irradiances(&self, points: &[LitPoint]) -> Vec<f64> {
+        let corners: Vec<Vec3> = self.corners.iter().map(|c| c.as_vec3()).collect();
+        let outline =
+            Outline { corners: &corners, normal: self.normal.as_vec3(), two_sided: self.two_sided, points };
+        let found = lanes::run(outline);
+        let exactly = |point: &LitPoint| self.irradiance(&Local::new(point));
+        points
+            .iter()
+            .zip(found)
+            .map(|(point, found)| found.map_or_else(|| exactly(point), f64::from))
+            .collect()
     }
 
     /// What a receiver sees of it.
@@ -204,6 +259,58 @@ mod tests {
             let sum = integrate(&quad, 1000);
             assert!((exact / sum - 1.0).abs() < 1e-4, "{exact} against {sum}");
         }
+    }
+
+    fn light(corners: &[Vec3]) -> PolygonLight {
+        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize().as_dvec3();
+        PolygonLight::new(corners, normal, &Material { emission: Vec3::ONE, ..Material::default() })
+    }
+
+    /// Receivers all around a light, of all directions, some close by.
+    fn receivers() -> Vec<LitPoint> {
+        let mut rng = crate::math::Rng::new(3, 1);
+        let mut vector = || Vec3::new(rng.unit(), rng.unit(), rng.unit()) - 0.5;
+        (0..5000).map(|i| LitPoint::flat(vector() / (1 + i % 7) as f32, vector().normalize())).collect()
+    }
+
+    #[test]
+    fn many_receivers_at_once_get_what_each_gets() {
+        let triangle = [Vec3::new(0.1, -0.1, 0.05), Vec3::new(0.2, 0.1, 0.0), Vec3::new(-0.1, 0.05, 0.02)];
+        let square = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+            .map(|(x, y)| Vec3::new(0.05 * x, 0.02, 0.1 * y));
+        for light in [light(&triangle), light(&square)] {
+            let points = receivers();
+            let mut lit = 0;
+            for (point, found) in points.iter().zip(light.irradiances(&points)) {
+                let exact = light.irradiance(&Local::new(point));
+                assert!((found - exact).abs() <= 1e-4 * exact, "{found} for {exact} at {point:?}");
+                lit += u32::from(exact > 0.0);
+            }
+            assert!(lit > 1000, "{lit} are lit");
+        }
+    }
+
+    #[test]
+    fn glimpses_add_up_to_the_irradiance() {
+        let light = light(&[
+            Vec3::new(0.0, 0.0, 0.1),
+            Vec3::new(0.1, 0.0, 0.1),
+            Vec3::new(0.1, 0.1, 0.1),
+            Vec3::new(0.0, 0.12, 0.1),
+        ]);
+        let sequence = crate::direct::sequence::Sequence::new(1, 2, 3);
+        let mut far = 0;
+        for point in &receivers() {
+            let share = |u| Some(light.glimpse(point, u)?.irradiance(point.normal).x);
+            let shares: Option<Vec<f32>> = (0..1024).map(|i| share(sequence.point(i))).collect();
+            let Some(shares) = shares else { continue };
+            let mean = shares.iter().sum::<f32>() / shares.len() as f32;
+            let exact = light.irradiance(&Local::new(point)) as f32;
+            let facing = light.glimpse(point, Vec2::splat(0.5)).map_or(0.0, |g| g.perpendicular.x);
+            assert!((mean - exact).abs() < 2e-3 * facing, "{mean} for {exact} at {point:?}");
+            far += u32::from(exact > 0.0);
+        }
+        assert!(far > 50, "{far} are far");
     }
 
     #[test]

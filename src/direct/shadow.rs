@@ -3,7 +3,7 @@
 //! samples are lit or all are hidden, there is no noise.
 
 use super::sequence::Sequence;
-use super::view::View;
+use super::view::{LightSample, View};
 use super::{DirectLight, Gloss, LitPoint};
 use crate::accel::Accel;
 use crate::math::{Frame, disc_from_square};
@@ -41,9 +41,22 @@ impl Tally {
     pub(super) fn trace(&mut self, query: &Query, view: &View, probability: f32, u: Vec2) {
         let sample = view.sample(u);
         let share = view.unshadowed * (sample.weight / probability);
+        let reached = sample.weight > 0.0 && view.reached(query, &sample);
+        self.add(query, &sample, share, probability, reached);
+    }
+
+    /// Follows one shadow ray towards a point of a light of which nothing else is known.
+    pub(super) fn glimpse(&mut self, query: &Query, sample: &LightSample) {
+        let share = sample.irradiance(query.point.normal);
+        let reached = share != Vec3::ZERO
+            && query.point.sees(query.accel, sample.point, sample.normal, sample.direction);
+        self.add(query, sample, share, 1.0, reached);
+    }
+
+    fn add(&mut self, query: &Query, sample: &LightSample, share: Vec3, probability: f32, reached: bool) {
         self.rays += 1;
         self.all += share;
-        if sample.weight > 0.0 && view.reached(query, &sample) {
+        if reached {
             self.lit_rays += 1;
             self.arrived += share;
             self.specular += sample.perpendicular * (query.lobe(sample.direction) / probability);

@@ -24,6 +24,13 @@ pub(super) struct LightSample {
     pub(super) perpendicular: Vec3,
 }
 
+impl LightSample {
+    /// Irradiance that a surface with this unit normal would get from the light, W m-2, as estimated by this sample.
+    pub(super) fn irradiance(&self, normal: Vec3) -> Vec3 {
+        self.perpendicular * normal.dot(self.direction).max(0.0)
+    }
+}
+
 /// A light as one receiver sees it.
 #[derive(Debug)]
 pub(super) struct View<'a> {

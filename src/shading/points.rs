@@ -92,6 +92,11 @@ impl View {
         }
     }
 
+    /// What the ray through the middle of a pixel meets.
+    pub fn trace_middle(&self, accel: &Accel, x: u32, y: u32) -> Option<ShadingPoint> {
+        self.trace(accel, Vec2::new(x as f32 + 0.5, y as f32 + 0.5), self.stream(x, y, 0))
+    }
+
     /// Places of eight of a pixel's samples, from `first` on; samples are spread evenly, whatever their number.
     pub(super) fn sample_places(&self, x: u32, y: u32, first: u32) -> Places {
         let sequence = Sequence::new(self.seed, self.stream(x, y, 0), PLACES);

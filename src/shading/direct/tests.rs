@@ -99,7 +99,8 @@ fn without_shadows_light_is_exact_and_one_ray_a_point_is_enough() {
         assert_eq!(picture.refined(&visible), 0);
         let light = picture.light(&visible);
         for (got, exact) in light.iter().zip(picture.exact(&visible, 1)) {
-            assert!((got / exact - 1.0).abs() < 1e-6, "{got}, not {exact}");
+            // Polygons are summed eight receivers at a time, in f32.
+            assert!((got / exact - 1.0).abs() < 1e-5, "{got}, not {exact}");
         }
     }
 }

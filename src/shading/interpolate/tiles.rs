@@ -19,6 +19,11 @@ const TILE: u32 = 8;
 const SHRINK: f32 = 0.5;
 /// Mean errors above so many times the median of all are more than the gathers' noise.
 const NOISE_MARGIN: f32 = 1.6;
+/// Errors of neighbours within so many reaches of a record tell of the record's own surroundings.
+const SURROUNDINGS: f32 = 1.5;
+/// Where light bends, predictions are all too high or all too low: their mean, signs counted, is at least this share of their mean
+/// size. Noise goes both ways, and more records would only follow it.
+const ONE_SIDED: f32 = 0.3;
 /// Fewer errors than these have no mean worth the name.
 const ENOUGH: u32 = 4;
 /// Corrected records reach at least this share of what is worth while: not to the next pixel.
@@ -122,7 +127,7 @@ impl<'v> Field<'v> {
 
     /// Relative error of one gather: how far most are from what their neighbours foretell.
     pub fn noise(&self) -> f32 {
-        median(&self.errors())
+        median_size(&self.errors())
     }
 
     /// Adds what was gathered at visible points, and lets all records reach as far as their neighbours allow.
@@ -157,27 +162,29 @@ impl<'v> Field<'v> {
     }
 
     /// Shorter reaches where records are predicted badly from their neighbours: not one alone, which may be an outlier of the
-    /// noise, but on average around a place.
+    /// noise, but on average around a place, and in one direction.
     fn corrected(&self) -> Vec<f32> {
         let errors = self.errors();
         // Most errors are noise: their median tells how much of it there is.
-        let limit = (NOISE_MARGIN * median(&errors)).max(self.reaches.tolerance);
+        let limit = (NOISE_MARGIN * median_size(&errors)).max(self.reaches.tolerance);
         let corrected = |record: &Record| {
-            let (mut sum, mut count) = (0.0, 0);
+            let (mut size, mut sum, mut count) = (0.0, 0.0f32, 0);
             for &r in self.around(record) {
                 let other = &self.records[r as usize];
-                if other.position.distance(record.position) < SUPPORT * record.reach {
+                if other.position.distance(record.position) < SURROUNDINGS * record.reach {
+                    size += errors[r as usize].abs();
                     sum += errors[r as usize];
                     count += 1;
                 }
             }
-            let wrong = count >= ENOUGH && sum > limit * count as f32;
+            let wrong = count >= ENOUGH && size > limit * count as f32 && sum.abs() > ONE_SIDED * size;
             if wrong { (record.reach * SHRINK).max(record.shortest * LEAST) } else { record.reach }
         };
         self.records.par_iter().map(corrected).collect()
     }
 
-    /// Relative errors of the predictions of records from their neighbours; 0 without neighbours.
+    /// Relative errors of the predictions of records from their neighbours, positive where these promise more light; 0 without
+    /// neighbours.
     fn errors(&self) -> Vec<f32> {
         let own: Vec<TileBox> = self.records.par_iter().map(|r| self.own_tile(r)).collect();
         let own = Lists::of_boxes(self.columns, self.tile_rows, &own);
@@ -284,12 +291,12 @@ impl Lists {
 
 fn relative_error(predicted: Vec3, found: Vec3) -> f32 {
     let (a, b) = (predicted.element_sum(), found.element_sum());
-    (a - b).abs() / a.max(b).max(f32::MIN_POSITIVE)
+    (a - b) / a.max(b).max(f32::MIN_POSITIVE)
 }
 
-/// Median of the numbers above 0; 0 without one.
-fn median(values: &[f32]) -> f32 {
-    let mut known: Vec<f32> = values.iter().copied().filter(|&v| v > 0.0).collect();
+/// Median of the sizes of the numbers that are not 0; 0 without one.
+fn median_size(values: &[f32]) -> f32 {
+    let mut known: Vec<f32> = values.iter().map(|v| v.abs()).filter(|&v| v > 0.0).collect();
     let middle = known.len() / 2;
     if known.is_empty() { 0.0 } else { *known.select_nth_unstable_by(middle, f32::total_cmp).1 }
 }

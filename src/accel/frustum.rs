@@ -58,7 +58,7 @@ impl<F: F32x8> Frustum<F> {
                 (low[side], high[side]) = (low[side].min(slope), high[side].max(slope));
             }
         }
-        if !(smallest(least) > LEAST_ALONG) {
+        if smallest(least) <= LEAST_ALONG {
             return None;
         }
         Some(Self {

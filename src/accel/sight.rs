@@ -205,20 +205,19 @@ impl Accel {
 fn interpolated<F: F32x8>(corners: &[Vec3; 3], u: F, v: F, normal: [F; 3]) -> [F; 3] {
     let [a, b, c] = [vector::<F>(corners[0]), vector::<F>(corners[1]), vector::<F>(corners[2])];
     let w = F::splat(1.0) - u - v;
-    let (mut sum, mut shading) = (normal, normal);
-    for axis in 0..3 {
-        sum[axis] = a[axis] * w + b[axis] * u + c[axis] * v;
-    }
+    let sum =
+        [a[0] * w + b[0] * u + c[0] * v, a[1] * w + b[1] * u + c[1] * v, a[2] * w + b[2] * u + c[2] * v];
     let inverse = dot(sum, sum).sqrt().recip();
     let finite = inverse.gt(F::splat(0.0)).and(inverse.le(F::splat(f32::MAX)));
-    for axis in 0..3 {
-        shading[axis] = finite.select(sum[axis] * inverse, normal[axis]);
-    }
-    let same_side = dot(shading, normal).gt(F::splat(0.0));
-    for axis in 0..3 {
-        shading[axis] = same_side.select(shading[axis], normal[axis]);
-    }
-    shading
+    let shading = [sum[0] * inverse, sum[1] * inverse, sum[2] * inverse];
+    let shading = select(finite, shading, normal);
+    select(dot(shading, normal).gt(F::splat(0.0)), shading, normal)
+}
+
+/// `a` where set, else `b`.
+#[inline(always)]
+fn select<F: F32x8>(chosen: F::Mask, a: [F; 3], b: [F; 3]) -> [F; 3] {
+    [chosen.select(a[0], b[0]), chosen.select(a[1], b[1]), chosen.select(a[2], b[2])]
 }
 
 /// Makes surfaces of hits.
@@ -271,11 +270,11 @@ mod tests {
         let (right, down) = (vector(rng) * spread, vector(rng) * spread);
         let of_row = |row: usize| {
             let mut rays = Directions::default();
-            for lane in 0..LANES {
+            (0..LANES).for_each(|lane| {
                 let direction = ahead + right * (lane as f32 / 8.0) + down * (row as f32 / 16.0);
                 let direction = direction.normalize();
                 (0..3).for_each(|axis| rays[axis][lane] = direction[axis]);
-            }
+            });
             rays
         };
         (0..16).map(of_row).collect()

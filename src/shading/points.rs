@@ -101,9 +101,10 @@ impl View {
     pub(super) fn sample_places(&self, x: u32, y: u32, first: u32) -> Places {
         let sequence = Sequence::new(self.seed, self.stream(x, y, 0), PLACES);
         let mut places = Places::default();
-        for lane in 0..LANES {
-            let at = Vec2::new(x as f32, y as f32) + sequence.point(first + lane as u32);
-            (places[0][lane], places[1][lane]) = (at.x, at.y);
+        let [across, down] = &mut places;
+        for (sample, (across, down)) in (first..).zip(across.iter_mut().zip(down)) {
+            let at = Vec2::new(x as f32, y as f32) + sequence.point(sample);
+            (*across, *down) = (at.x, at.y);
         }
         places
     }
@@ -214,13 +215,14 @@ impl LaneTask for Aim<'_> {
         for (at, ray) in self.at.iter().zip(self.rays) {
             let s = F::load(&at[0].map(|x| 2.0 * x / width)) - one;
             let t = one - F::load(&at[1].map(|y| 2.0 * y / height));
-            let mut direction = forward;
-            for axis in 0..3 {
-                direction[axis] = forward[axis] + right[axis] * s + up[axis] * t;
-            }
+            let direction = [
+                forward[0] + right[0] * s + up[0] * t,
+                forward[1] + right[1] * s + up[1] * t,
+                forward[2] + right[2] * s + up[2] * t,
+            ];
             let inverse = dot(direction, direction).sqrt().recip();
-            for axis in 0..3 {
-                (direction[axis] * inverse).store(&mut ray[axis]);
+            for (coordinate, lanes) in direction.into_iter().zip(ray) {
+                (coordinate * inverse).store(lanes);
             }
         }
     }

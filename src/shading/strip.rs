@@ -108,7 +108,7 @@ impl Strip {
                 normal: vector(3),
                 shading_normal: vector(6),
                 material: kind / 2,
-                black: kind % 2 != 0,
+                black: kind & 1 != 0,
             })
         })
     }
@@ -150,7 +150,7 @@ pub fn point(scene: &Scene, seen: &Seen, lane: usize, stream: u64) -> Option<Sha
         normal: vector(&seen.normal),
         shading_normal: vector(&seen.shading_normal),
         material: kind / 2,
-        black: kind % 2 != 0,
+        black: kind & 1 != 0,
     })
 }
 
@@ -213,10 +213,8 @@ impl<F: F32x8> Surfaces<F> {
     fn compare(&self, o: &Self) -> (F::Mask, F) {
         let offset = sub(o.position, self.position);
         let turn = sub(self.shading_normal, o.shading_normal);
-        let mut normals = self.normal;
-        for axis in 0..3 {
-            normals[axis] = self.normal[axis] + o.normal[axis];
-        }
+        let (a, b) = (self.normal, o.normal);
+        let normals = [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
         (F::splat(EDGE_TURN * EDGE_TURN).gt(dot(turn, turn)), dot(offset, normals).abs())
     }
 }

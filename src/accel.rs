@@ -3,8 +3,11 @@
 mod block;
 mod bounds;
 mod cluster;
+mod frustum;
+mod packet;
 mod quadric;
 mod ray;
+mod sight;
 mod walk;
 mod wide;
 
@@ -25,6 +28,8 @@ use wide::Wide;
 
 pub use bounds::primitive_box;
 pub use cluster::{ClusterNode, ClusterTree, cluster};
+pub use packet::Directions;
+pub use sight::{Coherence, NOTHING, Seen};
 
 /// How far a ray starts off the surface that it leaves, in scene units (the scene is 1 in size; coordinates are exact
 /// to 3e-8).
@@ -100,7 +105,7 @@ impl Accel {
 
     /// The primitive of the nearest surface with `0 < t < tmax`.
     pub fn first_primitive(&self, origin: Vec3, direction: Vec3, tmax: f32) -> Option<PrimitiveId> {
-        self.nearest(&Ray::new(origin, direction, tmax)).map(|found| self.primitive(found))
+        self.nearest(&Ray::new(origin, direction, tmax)).map(|found| self.primitive(found.entry))
     }
 
     /// Whether any surface blocks the ray at `0 < t < tmax`.
@@ -118,19 +123,23 @@ impl Accel {
         lanes::run(Walk::<false> { scene: &self.scene, wide: &self.wide, ray })
     }
 
-    fn primitive(&self, found: Found) -> PrimitiveId {
-        self.wide.blocks[found.entry as usize / LANES].primitives[found.entry as usize % LANES]
+    fn primitive(&self, entry: u32) -> PrimitiveId {
+        self.wide.blocks[entry as usize / LANES].primitives[entry as usize % LANES]
     }
 
-    fn triangle(&self, found: Found) -> Triangle {
-        self.wide.blocks[found.entry as usize / LANES].triangle(found.entry as usize % LANES)
+    fn triangle(&self, entry: u32) -> Triangle {
+        self.wide.blocks[entry as usize / LANES].triangle(entry as usize % LANES)
+    }
+
+    fn is_triangle(&self, entry: u32) -> bool {
+        self.wide.blocks[entry as usize / LANES].triangles >> (entry as usize % LANES) & 1 != 0
     }
 
     fn surface_point(&self, ray: &Ray, found: Found) -> SurfacePoint {
-        let primitive = self.primitive(found);
+        let primitive = self.primitive(found.entry);
         let (front, local) = match self.scene.locate(primitive) {
             Located::Triangle(_) => {
-                let triangle = self.triangle(found);
+                let triangle = self.triangle(found.entry);
                 let (u, v) = triangle.barycentrics(ray);
                 (triangle.normal().dot(ray.direction) < 0.0, Vec3::new(u, v, 0.0))
             }
@@ -149,9 +158,9 @@ impl Accel {
     /// Position and normals of a hit.
     #[inline]
     fn complete(&self, ray: &Ray, found: Found) -> Hit {
-        let primitive = self.primitive(found);
+        let primitive = self.primitive(found.entry);
         let (position, normal, shading) = match self.scene.locate(primitive) {
-            Located::Triangle(i) => self.triangle_surface(i, &self.triangle(found), ray),
+            Located::Triangle(i) => self.triangle_surface(i, &self.triangle(found.entry), ray),
             Located::Sphere(i) => {
                 let (p, n) = sphere_surface(&self.scene.spheres[i], ray.at(found.t));
                 (p, n, n)

@@ -2,7 +2,7 @@
 
 use super::quadric::{intersect_cuboid, intersect_sphere};
 use super::ray::{Ray, RayLanes};
-use crate::lanes::{F32x8, LANES, Mask8, cross, dot, sub};
+use crate::lanes::{F32x8, LANES, Mask8, cross, dot, sub, vector};
 use crate::scene::{Located, PrimitiveId, Scene};
 use glam::{Vec3, Vec3A};
 
@@ -27,8 +27,10 @@ pub struct Block {
     third: Vectors,
     /// What each lane holds.
     pub primitives: [PrimitiveId; LANES],
+    /// One bit for each lane that holds a triangle.
+    pub triangles: u32,
     /// One bit for each lane that holds a sphere or cuboid.
-    quadrics: u32,
+    pub quadrics: u32,
 }
 
 /// A triangle of a block.
@@ -36,6 +38,21 @@ pub struct Triangle {
     corner: Vec3A,
     second: Vec3A,
     third: Vec3A,
+}
+
+/// A triangle in every lane: its first corner, and from there to the second and to the third.
+pub type Triangles<F> = [[F; 3]; 3];
+
+/// Where rays meet the planes of triangles, lane by lane.
+pub struct Meeting<F: F32x8> {
+    /// Whether it is within the triangle and ahead.
+    pub hit: F::Mask,
+    /// The distance.
+    pub t: F,
+    /// Barycentric coordinate of the second corner.
+    pub u: F,
+    /// Of the third.
+    pub v: F,
 }
 
 /// The nearest surface so far.
@@ -51,7 +68,14 @@ impl Block {
     /// At most [`LANES`] primitives of a scene.
     pub fn new(scene: &Scene, primitives: &[PrimitiveId]) -> Self {
         let none = [[0.0; LANES]; 3];
-        let mut block = Self { corner: none, second: none, third: none, primitives: [0; LANES], quadrics: 0 };
+        let mut block = Self {
+            corner: none,
+            second: none,
+            third: none,
+            primitives: [0; LANES],
+            triangles: 0,
+            quadrics: 0,
+        };
         for (lane, &primitive) in primitives.iter().enumerate() {
             block.primitives[lane] = primitive;
             match scene.locate(primitive) {
@@ -63,6 +87,7 @@ impl Block {
     }
 
     fn set_triangle(&mut self, lane: usize, &[a, b, c]: &[Vec3; 3]) {
+        self.triangles |= 1 << lane;
         for (lanes, vector) in [(&mut self.corner, a), (&mut self.second, b - a), (&mut self.third, c - a)] {
             (0..3).for_each(|axis| lanes[axis][lane] = vector[axis]);
         }
@@ -98,34 +123,23 @@ impl Block {
         }
     }
 
-    /// Moeller and Trumbore (1997) for eight triangles: which are hit nearer than `tmax`, and where.
+    /// All its triangles.
+    #[inline(always)]
+    pub fn lanes<F: F32x8>(&self) -> Triangles<F> {
+        [load(&self.corner), load(&self.second), load(&self.third)]
+    }
+
+    /// Which triangles a ray meets nearer than `tmax`, and where.
     #[inline(always)]
     fn hit_triangles<F: F32x8>(&self, ray: &RayLanes<F>, tmax: f32) -> (u32, [f32; LANES]) {
-        let (second, third) = (load::<F>(&self.second), load::<F>(&self.third));
-        let p = cross(ray.direction, third);
-        // A triangle seen edge on has the determinant 0: what follows is infinite or no number, and nothing is inside.
-        let inverse = dot(second, p).recip();
-        let s = sub(ray.origin, load(&self.corner));
-        let u = dot(s, p) * inverse;
-        let q = cross(s, second);
-        let v = dot(ray.direction, q) * inverse;
-        let t = dot(third, q) * inverse;
-        let least = F::splat(-EDGE_SLACK);
-        let inside = least.le(u).and(least.le(v)).and((u + v).le(F::splat(1.0 + EDGE_SLACK)));
-        let ahead = t.gt(F::splat(0.0));
-        let front = inverse.gt(F::splat(0.0));
-        let t = front.select(t, t + F::splat(BEHIND));
-        (inside.and(ahead).and(F::splat(tmax).gt(t)).bits(), t.to_array())
+        let met = meet(ray.origin, ray.direction, self.lanes());
+        (met.hit.and(F::splat(tmax).gt(met.t)).bits(), met.t.to_array())
     }
 
     #[inline(never)]
     fn nearest_quadric(&self, number: u32, scene: &Scene, ray: &Ray, found: &mut Found) {
         for lane in (0..LANES).filter(|lane| self.quadrics >> lane & 1 != 0) {
-            let t = match scene.locate(self.primitives[lane]) {
-                Located::Triangle(_) => f32::INFINITY,
-                Located::Sphere(i) => intersect_sphere(&scene.spheres[i], ray),
-                Located::Cuboid(i) => intersect_cuboid(&scene.cuboids[i], ray),
-            };
+            let t = self.meet_quadric(scene, lane, ray);
             if t < found.t {
                 *found = Found { t, entry: number * LANES as u32 + lane as u32 };
             }
@@ -133,7 +147,25 @@ impl Block {
     }
 }
 
+impl Block {
+    /// Where a ray meets the sphere or cuboid in a lane; infinite where it does not.
+    #[inline]
+    pub fn meet_quadric(&self, scene: &Scene, lane: usize, ray: &Ray) -> f32 {
+        match scene.locate(self.primitives[lane]) {
+            Located::Triangle(_) => f32::INFINITY,
+            Located::Sphere(i) => intersect_sphere(&scene.spheres[i], ray),
+            Located::Cuboid(i) => intersect_cuboid(&scene.cuboids[i], ray),
+        }
+    }
+}
+
 impl Triangle {
+    /// The same triangle in every lane.
+    #[inline(always)]
+    pub fn splat<F: F32x8>(&self) -> Triangles<F> {
+        [vector(self.corner.into()), vector(self.second.into()), vector(self.third.into())]
+    }
+
     /// Barycentric coordinates, of the second and the third corner, of where a ray meets it.
     pub fn barycentrics(&self, ray: &Ray) -> (f32, f32) {
         let p = ray.direction.cross(self.third);
@@ -153,6 +185,28 @@ impl Triangle {
     pub fn normal(&self) -> Vec3A {
         self.second.cross(self.third)
     }
+}
+
+/// Moeller and Trumbore (1997), lane by lane; backs are further away than they are (see [`BEHIND`]).
+#[inline(always)]
+pub fn meet<F: F32x8>(
+    origin: [F; 3],
+    direction: [F; 3],
+    [corner, second, third]: Triangles<F>,
+) -> Meeting<F> {
+    let p = cross(direction, third);
+    // A triangle seen edge on has the determinant 0: what follows is infinite or no number, and nothing is inside.
+    let inverse = dot(second, p).recip();
+    let s = sub(origin, corner);
+    let u = dot(s, p) * inverse;
+    let q = cross(s, second);
+    let v = dot(direction, q) * inverse;
+    let t = dot(third, q) * inverse;
+    let least = F::splat(-EDGE_SLACK);
+    let inside = least.le(u).and(least.le(v)).and((u + v).le(F::splat(1.0 + EDGE_SLACK)));
+    let ahead = t.gt(F::splat(0.0));
+    let front = inverse.gt(F::splat(0.0));
+    Meeting { hit: inside.and(ahead), t: front.select(t, t + F::splat(BEHIND)), u, v }
 }
 
 #[inline(always)]

@@ -49,14 +49,15 @@ impl<const ANY: bool> LaneTask for Walk<'_, ANY> {
 
 /// A child that a ray meets.
 #[derive(Clone, Copy)]
-struct Waiting {
+pub struct Waiting {
     /// Distance of its box.
-    t: f32,
-    child: Child,
+    pub t: f32,
+    /// Which child.
+    pub child: Child,
 }
 
 /// Children that are still to be looked at, the next one last.
-struct Stack {
+pub struct Stack {
     waiting: [Waiting; ROOM],
     len: usize,
     /// What found no room.
@@ -64,8 +65,9 @@ struct Stack {
 }
 
 impl Stack {
+    /// One child to begin with.
     #[inline(always)]
-    fn new(first: Waiting) -> Self {
+    pub fn new(first: Waiting) -> Self {
         Self { waiting: [first; ROOM], len: 1, more: Vec::new() }
     }
 
@@ -80,8 +82,9 @@ impl Stack {
         }
     }
 
+    /// The next child.
     #[inline(always)]
-    fn pop(&mut self) -> Option<Waiting> {
+    pub fn pop(&mut self) -> Option<Waiting> {
         if self.len == ROOM
             && let Some(waiting) = self.more.pop()
         {
@@ -93,7 +96,7 @@ impl Stack {
 
     /// Adds children of a node, by their bits; the nearest becomes the next, unless the order does not matter.
     #[inline(always)]
-    fn push_met<const ANY: bool>(&mut self, node: &Node, mut met: u32, distances: &[f32; LANES]) {
+    pub fn push_met<const ANY: bool>(&mut self, node: &Node, mut met: u32, distances: &[f32; LANES]) {
         if ANY || met & met.wrapping_sub(1) == 0 {
             while met != 0 {
                 let lane = met.trailing_zeros() as usize;
@@ -121,7 +124,7 @@ impl Stack {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::super::Accel;
     use super::*;
     use crate::accel::block::Block;
@@ -136,7 +139,7 @@ mod tests {
     }
 
     /// Triangles of all sizes, spheres and cuboids, one through the other.
-    fn clutter(rng: &mut Rng) -> Accel {
+    pub(in crate::accel) fn clutter(rng: &mut Rng) -> Accel {
         let mut shapes = Vec::new();
         for i in 0..300 {
             let (at, size) = (vector(rng), 1.0 / (1.0 + (i % 30) as f32));

@@ -39,11 +39,20 @@ impl Child {
     }
 }
 
+/// Boxes: lows along the three axes, then highs.
+pub type Planes = [[f32; LANES]; 6];
+
+/// Boxes that nothing meets.
+pub const NO_BOXES: Planes = {
+    let (low, high) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
+    [low, low, low, high, high, high]
+};
+
 /// Boxes of up to eight children.
 #[derive(Debug, Clone)]
 pub struct Node {
-    /// Lows along the three axes, then highs; the wrong way round where there is no child.
-    planes: [[f32; LANES]; 6],
+    /// The children's boxes; the wrong way round where there is no child.
+    pub planes: Planes,
     children: [Child; LANES],
 }
 
@@ -57,10 +66,7 @@ pub struct Wide {
 }
 
 impl Node {
-    const EMPTY: Self = {
-        let (low, high) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
-        Self { planes: [low, low, low, high, high, high], children: [Child::ROOT; LANES] }
-    };
+    const EMPTY: Self = Self { planes: NO_BOXES, children: [Child::ROOT; LANES] };
 
     /// A child.
     #[inline(always)]

@@ -6,4 +6,5 @@ pub mod indirect;
 pub mod interpolate;
 pub mod points;
 pub mod shade;
+mod strip;
 pub mod visible;

@@ -1,10 +1,14 @@
 //! Camera rays and the shading points that they find.
 
-use crate::accel::{Accel, Hit};
+use crate::accel::{Accel, Coherence, Directions, Hit, Seen};
 use crate::direct::sequence::Sequence;
+use crate::lanes::{self, F32x8, LANES, LaneTask, dot, sub, vector};
 use crate::math::hash32;
 use crate::scene::{Camera, Material, Scene};
 use glam::{Vec2, Vec3};
+
+/// Eights of rays that are made at a time.
+const TOGETHER: usize = 8;
 
 /// Sets places within pixels apart from other random numbers.
 const PLACES: u32 = 0x5eed_ca3e;
@@ -32,6 +36,9 @@ impl ShadingPoint {
         hash32(seed ^ hash32(self.stream as u32) ^ (self.stream >> 32) as u32)
     }
 }
+
+/// Eight places in the picture: across and down, pixels from the upper left corner.
+pub(super) type Places = [[f32; LANES]; 2];
 
 /// Surfaces seen at less than this cosine are taken for no flatter.
 const GRAZING: f32 = 0.01;
@@ -76,17 +83,30 @@ impl View {
         }
     }
 
-    /// What the ray through the middle of a pixel meets; pixels beside the picture have no stream of their own.
-    pub fn trace_middle(&self, accel: &Accel, x: impl Into<i64>, y: impl Into<i64>) -> Option<ShadingPoint> {
-        let (x, y) = (x.into(), y.into());
-        let stream = self.stream(x.max(0) as u32, y.max(0) as u32, 0);
-        self.trace(accel, Vec2::new(x as f32 + 0.5, y as f32 + 0.5), stream)
+    /// What rays through places of the picture meet, found together.
+    pub(super) fn look(&self, accel: &Accel, at: &[Places], seen: &mut [Seen], coherence: &mut Coherence) {
+        let mut rays = [[[0.0; LANES]; 3]; TOGETHER];
+        for (at, seen) in at.chunks(TOGETHER).zip(seen.chunks_mut(TOGETHER)) {
+            lanes::run(Aim { view: self, at, rays: &mut rays });
+            accel.look(self.origin, &rays[..at.len()], seen, coherence);
+        }
     }
 
-    /// What the ray of one of a pixel's samples meets; samples are spread evenly, whatever their number.
-    pub fn trace_sample(&self, accel: &Accel, x: u32, y: u32, sample: u32) -> Option<ShadingPoint> {
-        let places = Sequence::new(self.seed, self.stream(x, y, 0), PLACES);
-        self.trace(accel, Vec2::new(x as f32, y as f32) + places.point(sample), self.stream(x, y, sample))
+    /// What the ray through the middle of a pixel meets.
+    pub fn trace_middle(&self, accel: &Accel, x: u32, y: u32) -> Option<ShadingPoint> {
+        self.trace(accel, Vec2::new(x as f32 + 0.5, y as f32 + 0.5), self.stream(x, y, 0))
+    }
+
+    /// Places of eight of a pixel's samples, from `first` on; samples are spread evenly, whatever their number.
+    pub(super) fn sample_places(&self, x: u32, y: u32, first: u32) -> Places {
+        let sequence = Sequence::new(self.seed, self.stream(x, y, 0), PLACES);
+        let mut places = Places::default();
+        let [across, down] = &mut places;
+        for (sample, (across, down)) in (first..).zip(across.iter_mut().zip(down)) {
+            let at = Vec2::new(x as f32, y as f32) + sequence.point(sample);
+            (*across, *down) = (at.x, at.y);
+        }
+        places
     }
 
     /// What a ray through the pixel to which a sample's stream belongs meets; `within` is in the unit square.
@@ -148,18 +168,63 @@ impl View {
         Some(Vec2::new((s + 1.0) * 0.5 * self.width as f32, (1.0 - t) * 0.5 * self.height as f32))
     }
 
-    fn stream(&self, x: u32, y: u32, sample: u32) -> u64 {
+    /// The random stream of one of a pixel's samples.
+    pub(super) fn stream(&self, x: u32, y: u32, sample: u32) -> u64 {
         (u64::from(y) * u64::from(self.width) + u64::from(x)) * u64::from(self.samples) + u64::from(sample)
+    }
+
+    /// [`View::footprint`] in every lane.
+    #[inline(always)]
+    pub(super) fn footprints<F: F32x8>(&self, points: [F; 3]) -> F {
+        let along = dot(sub(points, vector(self.origin)), vector(self.widening));
+        along.abs().max(F::splat(f32::MIN_POSITIVE))
     }
 
     /// `at` is in pixels from the upper left corner.
     #[inline]
     fn trace(&self, accel: &Accel, at: Vec2, stream: u64) -> Option<ShadingPoint> {
-        let s = 2.0 * at.x / self.width as f32 - 1.0;
-        let t = 1.0 - 2.0 * at.y / self.height as f32;
-        let direction = (self.forward + self.right * s + self.up * t).normalize();
-        let hit = accel.closest_hit(self.origin, direction, f32::INFINITY)?;
+        let hit = accel.closest_hit(self.origin, self.direction(at.x, at.y), f32::INFINITY)?;
         Some(surface(accel.scene(), stream, &hit))
+    }
+
+    /// Unit direction through a place in the picture.
+    #[inline(always)]
+    fn direction(&self, x: f32, y: f32) -> Vec3 {
+        let s = 2.0 * x / self.width as f32 - 1.0;
+        let t = 1.0 - 2.0 * y / self.height as f32;
+        (self.forward + self.right * s + self.up * t).normalize()
+    }
+}
+
+/// Finds directions through places in the picture, by the operations of [`View::direction`].
+struct Aim<'a> {
+    view: &'a View,
+    at: &'a [Places],
+    rays: &'a mut [Directions],
+}
+
+impl LaneTask for Aim<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<F: F32x8>(self) {
+        let (width, height) = (self.view.width as f32, self.view.height as f32);
+        let one = F::splat(1.0);
+        let (forward, right) = (vector::<F>(self.view.forward), vector::<F>(self.view.right));
+        let up = vector::<F>(self.view.up);
+        for (at, ray) in self.at.iter().zip(self.rays) {
+            let s = F::load(&at[0].map(|x| 2.0 * x / width)) - one;
+            let t = one - F::load(&at[1].map(|y| 2.0 * y / height));
+            let direction = [
+                forward[0] + right[0] * s + up[0] * t,
+                forward[1] + right[1] * s + up[1] * t,
+                forward[2] + right[2] * s + up[2] * t,
+            ];
+            let inverse = dot(direction, direction).sqrt().recip();
+            for (coordinate, lanes) in direction.into_iter().zip(ray) {
+                (coordinate * inverse).store(lanes);
+            }
+        }
     }
 }
 

@@ -3,20 +3,20 @@
 //! One ray goes through the middle of every pixel. Only where neighbouring pixels see different surfaces does a pixel get all
 //! its samples; those that meet the same surface become one shading point, so that light is computed once a surface.
 
-use super::points::{ShadingPoint, View};
-use crate::accel::Accel;
+use super::points::{Places, ShadingPoint, View};
+use super::strip::{self, Strip};
+use crate::accel::{Accel, Coherence, Seen};
 use crate::error::Result;
 use crate::interrupt;
+use crate::lanes::LANES;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::ops::Range;
 
 /// Normals that differ by more than this (length of the difference, about 10 degrees) show an edge.
-const EDGE_TURN: f32 = 0.17;
-/// Pixels that a worker takes at a time, at least.
-const PORTION: usize = 1024;
+pub(super) const EDGE_TURN: f32 = 0.17;
 /// Surfaces that lie further apart than this many pixel widths, across the surface, are different ones.
-const EDGE_STEP: f32 = 1.0;
+pub(super) const EDGE_STEP: f32 = 1.0;
 
 /// Shading points of whole rows of the picture.
 #[derive(Debug, Clone, Default)]
@@ -39,38 +39,27 @@ impl Visible {
     /// # Errors
     /// When the user interrupts.
     pub fn trace(view: &View, accel: &Accel, rows: Range<u32>) -> Result<Self> {
-        let middles = Middles::trace(view, accel, rows.clone())?;
-        if view.samples == 1 {
-            return Ok(Self::with_refined(middles, &[]));
-        }
-        let edges: Vec<u32> = (0..middles.pixels() as u32)
-            .into_par_iter()
-            .with_min_len(256)
-            .filter(|&pixel| middles.on_edge(view, pixel))
+        let strips: Vec<Range<u32>> = (rows.clone())
+            .step_by(strip::ROWS as usize)
+            .map(|first| first..rows.end.min(first + strip::ROWS))
             .collect();
-        let refined: Vec<Refined> =
-            edges.par_chunks(64).map(|pixels| middles.refine(view, accel, pixels)).collect();
+        let worker = || Worker { strip: Strip::new(view), refinement: Refinement::new(view, accel) };
+        let parts: Vec<Part> = strips.into_par_iter().map_init(worker, Worker::trace).collect();
         interrupt::check()?;
-        Ok(Self::with_refined(middles, &refined))
-    }
-
-    fn with_refined(middles: Middles, refined: &[Refined]) -> Self {
-        let count = middles.pixels() + refined.iter().map(|r| r.points.len()).sum::<usize>();
-        let mut starts = Vec::with_capacity(middles.pixels() + 1);
-        // Where each point comes from, so that all threads can copy them.
-        let mut places: Vec<(&ShadingPoint, f32)> = Vec::with_capacity(count);
-        let mut refined = refined.iter().flat_map(Refined::pixels).peekable();
-        for (pixel, middle) in middles.inside().enumerate() {
-            starts.push(places.len() as u32);
-            match refined.next_if(|r| r.pixel as usize == pixel) {
-                Some(edge) => places.extend(edge.points.iter().zip(edge.shares.iter().copied())),
-                None => places.extend(middle.iter().map(|point| (point, 1.0))),
-            }
+        let starts_of_parts = parts.iter().scan(0, |count, part| {
+            let start = *count;
+            *count += part.points.len() as u32;
+            Some(start)
+        });
+        let mut starts = Vec::with_capacity(view.width as usize * rows.len() + 1);
+        for (part, first) in parts.iter().zip(starts_of_parts) {
+            starts.extend(part.starts.iter().map(|start| first + start));
         }
-        starts.push(places.len() as u32);
-        let places = places.par_iter().with_min_len(4096);
-        let (points, shares) = places.map(|&(point, share)| (*point, share)).unzip();
-        Self { width: middles.width, rows: middles.rows, points, shares, starts }
+        let points: Vec<&[ShadingPoint]> = parts.iter().map(|part| &part.points[..]).collect();
+        let shares: Vec<&[f32]> = parts.iter().map(|part| &part.shares[..]).collect();
+        let (points, shares) = (joined(&points), joined(&shares));
+        starts.push(points.len() as u32);
+        Ok(Self { width: view.width, rows, points, shares, starts })
     }
 
     /// Number of pixels.
@@ -95,61 +84,76 @@ impl Visible {
     }
 }
 
-/// What the rays through the middles of pixels met, and of one more row or column on each side: an edge may also lie
-/// between the outermost pixels' middles and the border.
-struct Middles {
-    width: u32,
-    rows: Range<u32>,
-    points: Vec<Option<ShadingPoint>>,
+/// A strip's part of the result.
+#[derive(Default)]
+struct Part {
+    points: Vec<ShadingPoint>,
+    shares: Vec<f32>,
+    /// Where each pixel's points begin.
+    starts: Vec<u32>,
 }
 
-impl Middles {
-    fn trace(view: &View, accel: &Accel, rows: Range<u32>) -> Result<Self> {
-        let (width, height) = (view.width, rows.end - rows.start);
-        let stride = width + 2;
-        let trace = |place: u32| {
-            let (x, y) = (i64::from(place % stride) - 1, i64::from(rows.start + place / stride) - 1);
-            if interrupt::requested() { None } else { view.trace_middle(accel, x, y) }
-        };
-        // Collected, memory is touched for the first time by the thread that fills it.
-        let points = (0..stride * (height + 2)).into_par_iter().with_min_len(PORTION).map(trace).collect();
-        interrupt::check()?;
-        Ok(Self { width, rows, points })
-    }
+/// What a thread needs to trace strips.
+struct Worker<'a> {
+    strip: Strip,
+    refinement: Refinement<'a>,
+}
 
-    /// Number of pixels.
-    fn pixels(&self) -> usize {
-        self.width as usize * self.rows.len()
+impl Worker<'_> {
+    fn trace(&mut self, rows: Range<u32>) -> Part {
+        if interrupt::requested() {
+            return Part::default();
+        }
+        let Self { strip, refinement } = self;
+        let Refinement { view, accel, coherence, .. } = refinement;
+        let view = *view;
+        strip.look(view, accel, rows.clone(), coherence);
+        let mut part = Part::with_room(view.width as usize * rows.len());
+        for row in 0..rows.len() as u32 {
+            let edges = strip.edges(view, row);
+            for ((x, middle), edge) in (0..).zip(strip.points(view, row)).zip(edges) {
+                part.starts.push(part.points.len() as u32);
+                if edge && view.samples > 1 {
+                    refinement.refine(x, rows.start + row, &mut part);
+                } else if let Some(point) = middle {
+                    part.points.push(point);
+                    part.shares.push(1.0);
+                }
+            }
+        }
+        part
     }
+}
 
-    /// What pixels' own middles met, pixel after pixel.
-    fn inside(&self) -> impl Iterator<Item = &Option<ShadingPoint>> {
-        let rows = self.points.chunks_exact(self.stride()).skip(1).take(self.rows.len());
-        rows.flat_map(|row| &row[1..row.len() - 1])
+impl Part {
+    fn with_room(pixels: usize) -> Self {
+        Self {
+            points: Vec::with_capacity(pixels),
+            shares: Vec::with_capacity(pixels),
+            starts: Vec::with_capacity(pixels),
+        }
     }
+}
 
-    /// Where a pixel, counted row by row, stands among the points.
-    fn place(&self, pixel: u32) -> usize {
-        let (x, row) = (pixel % self.width, pixel / self.width);
-        (row as usize + 1) * self.stride() + x as usize + 1
+/// Puts parts one after the other, on all threads.
+fn joined<T: Copy + Send + Sync>(parts: &[&[T]]) -> Vec<T> {
+    let count = parts.iter().map(|part| part.len()).sum();
+    let mut all = Vec::with_capacity(count);
+    let mut room = &mut all.spare_capacity_mut()[..count];
+    let mut copies = Vec::with_capacity(parts.len());
+    for part in parts {
+        let (place, rest) = room.split_at_mut(part.len());
+        copies.push((place, part));
+        room = rest;
     }
-
-    fn stride(&self) -> usize {
-        self.width as usize + 2
-    }
-
-    /// Whether one of the four neighbours sees another surface.
-    fn on_edge(&self, view: &View, pixel: u32) -> bool {
-        let place = self.place(pixel);
-        let own = self.points[place].as_ref();
-        let footprint = own.map_or(0.0, |own| view.footprint(own.position));
-        let differs = |neighbour: usize| match (own, self.points[neighbour].as_ref()) {
-            (None, None) => false,
-            (Some(a), Some(b)) => !same_surface(a, b, footprint),
-            _ => true,
-        };
-        [place - 1, place + 1, place - self.stride(), place + self.stride()].into_iter().any(differs)
-    }
+    copies.into_par_iter().for_each(|(place, part)| {
+        for (place, item) in place.iter_mut().zip(*part) {
+            place.write(*item);
+        }
+    });
+    // SAFETY: the parts, `count` items in all, have been written to as many places from the first one on.
+    unsafe { all.set_len(count) };
+    all
 }
 
 /// Whether two points lie on one smooth surface of one material, as far as a pixel that is `footprint` wide can tell.
@@ -162,48 +166,49 @@ pub(super) fn same_surface(a: &ShadingPoint, b: &ShadingPoint, footprint: f32) -
 }
 
 /// Pixels with all their samples, those on one surface taken together.
-#[derive(Default)]
-struct Refined {
-    /// Each pixel, and where its points end.
-    pixels: Vec<(u32, usize)>,
-    points: Vec<ShadingPoint>,
-    shares: Vec<f32>,
+struct Refinement<'a> {
+    view: &'a View,
+    accel: &'a Accel,
+    coherence: Coherence,
+    /// Places of a pixel's samples, and what is seen there.
+    places: Vec<Places>,
+    seen: Vec<Seen>,
+    samples: Vec<ShadingPoint>,
+    /// Ranges of samples on one surface.
+    groups: Vec<Range<usize>>,
 }
 
-/// One of them.
-struct RefinedPixel<'a> {
-    pixel: u32,
-    points: &'a [ShadingPoint],
-    shares: &'a [f32],
-}
-
-impl Refined {
-    fn pixels(&self) -> impl Iterator<Item = RefinedPixel<'_>> {
-        let starts = std::iter::once(0).chain(self.pixels.iter().map(|(_, end)| *end));
-        starts.zip(&self.pixels).map(|(start, &(pixel, end))| RefinedPixel {
-            pixel,
-            points: &self.points[start..end],
-            shares: &self.shares[start..end],
-        })
-    }
-}
-
-impl Middles {
-    fn refine(&self, view: &View, accel: &Accel, pixels: &[u32]) -> Refined {
-        let mut refined = Refined::default();
-        let (mut samples, mut groups) = (Vec::with_capacity(view.samples as usize), Vec::new());
-        for &pixel in pixels.iter().take_while(|_| !interrupt::requested()) {
-            let (x, y) = (pixel % self.width, self.rows.start + pixel / self.width);
-            samples.clear();
-            samples.extend((0..view.samples).filter_map(|sample| view.trace_sample(accel, x, y, sample)));
-            group(view, &mut samples, &mut groups);
-            for group in &groups {
-                refined.points.push(representative(&samples[group.clone()]));
-                refined.shares.push(group.len() as f32 / view.samples as f32);
-            }
-            refined.pixels.push((pixel, refined.points.len()));
+impl<'a> Refinement<'a> {
+    fn new(view: &'a View, accel: &'a Accel) -> Self {
+        let eights = (view.samples as usize).div_ceil(LANES);
+        Self {
+            view,
+            accel,
+            coherence: Coherence::default(),
+            places: Vec::with_capacity(eights),
+            seen: vec![Seen::NOTHING; eights],
+            samples: Vec::with_capacity(view.samples as usize),
+            groups: Vec::new(),
         }
-        refined
+    }
+
+    /// Adds a pixel's points.
+    fn refine(&mut self, x: u32, y: u32, part: &mut Part) {
+        let Self { view, accel, coherence, places, seen, samples, groups } = self;
+        places.clear();
+        places.extend((0..view.samples).step_by(LANES).map(|first| view.sample_places(x, y, first)));
+        view.look(accel, places, seen, coherence);
+        let of_sample = |sample: u32| {
+            let (eight, lane) = (sample as usize / LANES, sample as usize % LANES);
+            strip::point(accel.scene(), &seen[eight], lane, view.stream(x, y, sample))
+        };
+        samples.clear();
+        samples.extend((0..view.samples).filter_map(of_sample));
+        group(view, samples, groups);
+        for group in groups {
+            part.points.push(representative(&samples[group.clone()]));
+            part.shares.push(group.len() as f32 / view.samples as f32);
+        }
     }
 }
 
@@ -217,7 +222,10 @@ fn group(view: &View, samples: &mut [ShadingPoint], groups: &mut Vec<Range<usize
         let mut end = first + 1;
         for i in first + 1..samples.len() {
             if same_surface(&leader, &samples[i], footprint) {
-                samples.swap(i, end);
+                // Mostly nothing moves.
+                if i != end {
+                    samples.swap(i, end);
+                }
                 end += 1;
             }
         }

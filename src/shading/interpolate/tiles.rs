@@ -20,10 +20,10 @@ const SHRINK: f32 = 0.5;
 /// Mean errors above so many times the median of all are more than the gathers' noise.
 const NOISE_MARGIN: f32 = 1.6;
 /// Errors of neighbours within so many reaches of a record tell of the record's own surroundings.
-const SURROUNDINGS: f32 = 1.5;
-/// Where light bends, predictions are all too high or all too low: their mean, signs counted, is at least this share of their mean
-/// size. Noise goes both ways, and more records would only follow it.
-const ONE_SIDED: f32 = 0.3;
+const SURROUNDINGS: f32 = 2.0;
+/// Where light bends, predictions are all too high or all too low. Of errors that are noise, n together have a mean, signs counted,
+/// of about 1 / sqrt(n) of their mean size: what is above this many times that is not noise, which more records would only follow.
+const ONE_SIDED: f32 = 1.0;
 /// Fewer errors than these have no mean worth the name.
 const ENOUGH: u32 = 4;
 /// Corrected records reach at least this share of what is worth while: not to the next pixel.
@@ -177,7 +177,9 @@ impl<'v> Field<'v> {
                     count += 1;
                 }
             }
-            let wrong = count >= ENOUGH && size > limit * count as f32 && sum.abs() > ONE_SIDED * size;
+            let wrong = count >= ENOUGH
+                && size > limit * count as f32
+                && sum.abs() * (count as f32).sqrt() > ONE_SIDED * size;
             if wrong { (record.reach * SHRINK).max(record.shortest * LEAST) } else { record.reach }
         };
         self.records.par_iter().map(corrected).collect()

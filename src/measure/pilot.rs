@@ -189,7 +189,13 @@ impl<F: Fn(Grade) -> Settings> Pilot<F> {
             low
         };
         let (full, far) = (CAUTION * left, FAR * last.seconds);
-        let grade = if seconds(within(full)) > far { within((PROBE * left).min(far)) } else { within(full) };
+        let grade = if seconds(within(full)) <= far {
+            within(full)
+        } else {
+            // A probe that would repeat the last picture tells nothing: then as far as predictions are trusted.
+            let probe = within((PROBE * left).min(far));
+            if probe >= lowest { probe } else { within(full.min(far)) }
+        };
         (grade >= lowest && seconds(grade) <= full).then(|| Grade::new(grade))
     }
 }
@@ -266,6 +272,21 @@ mod tests {
         let Step::Try(grade, None) = pilot.next(Some(0.8)) else { panic!("there is time for more") };
         assert!(pilot.seconds_at(grade).expect("known") <= 0.8);
         assert_eq!(pilot.next(Some(0.01)), Step::Done(Verdict::Kept), "no time for anything better");
+    }
+
+    #[test]
+    fn a_long_time_is_not_left_unused() {
+        for budget in [2.0, 3.0, 5.0] {
+            let mut pilot = Pilot::new(Goal { error: None, seconds: Some(budget) }, settings);
+            let mut left = budget;
+            while let Step::Try(grade, _) = pilot.next(Some(left)) {
+                let seconds = pilot.seconds_at(grade).unwrap_or(0.2);
+                left -= seconds;
+                let trial = Scene { slope: 0.4, floor: 0.0 }.trial(grade, None);
+                pilot.learn(Trial { seconds, error: None, ..trial });
+            }
+            assert!(left > 0.0 && left < 0.6 * budget, "{left} s of {budget} are left");
+        }
     }
 
     #[test]

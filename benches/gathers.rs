@@ -6,7 +6,8 @@
 //! `cargo bench --bench gathers -- N...` draws N x N faces instead of 8 x 8.
 //!
 //! With `SURFLUX_BENCH_DEVICE` set (to what `--device` takes), that Vulkan device draws instead, once and as two devices that
-//! take turns, at the points of the picture's middle quarter and in our order. `SURFLUX_BENCH_ROUTE` is what `--vulkan-route` takes.
+//! take turns, at the points of the picture's middle quarter and in our order. `SURFLUX_BENCH_ROUTE` is what `--vulkan-route` takes,
+//! `SURFLUX_BENCH_LOD` what `--lod` takes: cuts are the longer, the smaller it is.
 
 use glam::DVec3;
 use std::ops::Range;
@@ -47,8 +48,10 @@ fn main() -> Result<()> {
         "|--:|-------|----------:|-----------:|-------------------:|----------------------:|--------------:|"
     );
     for resolution in if given.is_empty() { vec![8] } else { given } {
+        let lod = std::env::var("SURFLUX_BENCH_LOD").ok().and_then(|lod| lod.parse().ok());
+        let lod = lod.unwrap_or(Settings::default().lod);
         let settings =
-            Settings { device: DeviceRequest::Cpu, face_resolution: resolution, ..Settings::default() };
+            Settings { device: DeviceRequest::Cpu, face_resolution: resolution, lod, ..Settings::default() };
         let world = cornell_box(&settings)?;
         if let Ok(device) = std::env::var("SURFLUX_BENCH_DEVICE") {
             vulkan_rows(&device, &world, &settings)?;

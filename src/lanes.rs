@@ -9,6 +9,9 @@ use std::ops::{Add, Mul, Sub};
 /// Number of lanes.
 pub const LANES: usize = 8;
 
+/// A bit for every lane.
+pub const ALL_LANES: u32 = (1 << LANES) - 1;
+
 /// Work on eight numbers at a time, in whatever make they come.
 pub trait LaneTask {
     /// What comes out.

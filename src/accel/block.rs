@@ -145,9 +145,7 @@ impl Block {
             }
         }
     }
-}
 
-impl Block {
     /// Where a ray meets the sphere or cuboid in a lane; infinite where it does not.
     #[inline]
     pub fn meet_quadric(&self, scene: &Scene, lane: usize, ray: &Ray) -> f32 {

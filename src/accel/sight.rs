@@ -3,7 +3,7 @@
 use super::block::Found;
 use super::packet::{Directions, Hits, PacketWalk, one_ray};
 use super::{Accel, Hit};
-use crate::lanes::{self, F32x8, LANES, LaneTask, Mask8, dot, vector};
+use crate::lanes::{self, ALL_LANES, F32x8, LANES, LaneTask, Mask8, dot, vector};
 use crate::scene::PrimitiveId;
 use glam::{Vec3, Vec3A};
 
@@ -15,9 +15,6 @@ const FEW: u32 = 10;
 
 /// How many times rays are followed one by one before more is tried again.
 const ALONE: u32 = 8;
-
-/// Every lane.
-const ALL: u32 = (1 << LANES) - 1;
 
 /// Stands for no primitive.
 pub const NOTHING: PrimitiveId = PrimitiveId::MAX;
@@ -101,7 +98,7 @@ impl Accel {
             if coherence.alone > 0 {
                 coherence.alone -= 1;
                 for (rays, hits) in rays.iter().zip(&mut *hits) {
-                    self.one_by_one(origin, rays, hits, ALL);
+                    self.one_by_one(origin, rays, hits, ALL_LANES);
                 }
             } else if !self.together(origin, rays, hits, coherence) {
                 continue;
@@ -181,7 +178,7 @@ impl Accel {
     #[inline(always)]
     fn several<F: F32x8>(&self, origin: Vec3A, rays: &Directions, hits: &Hits, seen: &mut Seen) {
         *seen = Seen::NOTHING;
-        let mut left = !equal(&hits.entry, u32::MAX) & ALL;
+        let mut left = !equal(&hits.entry, u32::MAX) & ALL_LANES;
         while left != 0 {
             let lane = left.trailing_zeros() as usize;
             let found = Found { t: hits.t[lane], entry: hits.entry[lane] };
@@ -237,7 +234,7 @@ impl LaneTask for Completion<'_> {
         for (i, (rays, hits)) in self.rays.iter().zip(self.hits).enumerate() {
             let seen = &mut self.seen[i];
             let first = hits.entry[0];
-            let one = equal(&hits.entry, first) == ALL;
+            let one = equal(&hits.entry, first) == ALL_LANES;
             if one && first != u32::MAX && self.accel.is_triangle(first) {
                 self.accel.on_triangle::<F>(first, rays, hits, seen);
             } else {

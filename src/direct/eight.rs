@@ -50,7 +50,7 @@ impl Outline<'_> {
         let [at, normal] = transposed::<F>(points);
         let none = F::splat(0.0);
         let mut a = sub(vector(self.corners[self.corners.len() - 1]), at);
-        let (mut aa, mut height) = (dot(a, a), dot(a, normal));
+        let (mut aa, height) = (dot(a, a), dot(a, normal));
         let (mut lowest, mut highest) = (height, height);
         let (mut sum, mut widest, mut cosine) = (none, none, F::splat(f32::INFINITY));
         for &corner in self.corners {
@@ -62,7 +62,7 @@ impl Outline<'_> {
             sum = sum + dot(normal, normal_of_edge) * (arc_over_sine(sine) * product.sqrt().recip());
             widest = widest.max(sine);
             cosine = cosine.min(dot(a, b));
-            height = dot(b, normal);
+            let height = dot(b, normal);
             (lowest, highest) = (lowest.min(height), highest.max(height));
             (a, aa) = (b, bb);
         }

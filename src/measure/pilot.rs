@@ -189,8 +189,9 @@ impl<F: Fn(Grade) -> Settings> Pilot<F> {
             low
         };
         let (full, far) = (CAUTION * left, FAR * last.seconds);
-        let grade = if seconds(within(full)) <= far {
-            within(full)
+        let best = within(full);
+        let grade = if seconds(best) <= far {
+            best
         } else {
             // A probe that would repeat the last picture tells nothing: then as far as predictions are trusted.
             let probe = within((PROBE * left).min(far));

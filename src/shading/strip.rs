@@ -5,7 +5,7 @@
 use super::points::{Places, ShadingPoint, View};
 use super::visible::{EDGE_STEP, EDGE_TURN};
 use crate::accel::{Accel, Coherence, NOTHING, Seen};
-use crate::lanes::{self, F32x8, LANES, LaneTask, Mask8, dot, sub};
+use crate::lanes::{self, ALL_LANES, F32x8, LANES, LaneTask, Mask8, dot, sub};
 use crate::scene::Scene;
 use glam::Vec3;
 use std::ops::Range;
@@ -16,9 +16,6 @@ pub const ROWS: u32 = 14;
 
 /// Columns before a strip's first pixel, and places for one more row: neighbours are then found by adding.
 const BEFORE: usize = 1;
-
-/// Every lane.
-const ALL: u32 = (1 << LANES) - 1;
 
 /// Nothing is seen.
 const EMPTY: u32 = u32::MAX;
@@ -78,7 +75,7 @@ impl Strip {
             plane[place..place + LANES].copy_from_slice(numbers);
         }
         let kinds = &mut self.kinds[place..place + LANES];
-        if seen.primitive == [seen.primitive[0]; LANES] && (seen.fronts == 0 || seen.fronts == 0xff) {
+        if seen.primitive == [seen.primitive[0]; LANES] && (seen.fronts == 0 || seen.fronts == ALL_LANES) {
             kinds.fill(kind(scene, seen, 0));
             return;
         }
@@ -102,14 +99,7 @@ impl Strip {
         self.kinds[own].iter().enumerate().map(move |(x, &kind)| {
             let vector =
                 |first: usize| Vec3::new(planes[first][x], planes[first + 1][x], planes[first + 2][x]);
-            (kind != EMPTY).then(|| ShadingPoint {
-                stream: stream + x as u64 * samples,
-                position: vector(0),
-                normal: vector(3),
-                shading_normal: vector(6),
-                material: kind / 2,
-                black: kind & 1 != 0,
-            })
+            shading_point(kind, stream + x as u64 * samples, [vector(0), vector(3), vector(6)])
         })
     }
 
@@ -143,12 +133,25 @@ fn kind(scene: &Scene, seen: &Seen, lane: usize) -> u32 {
 /// One of the points that eight rays met, with its own random stream.
 pub fn point(scene: &Scene, seen: &Seen, lane: usize, stream: u64) -> Option<ShadingPoint> {
     let vector = |lanes: &[[f32; LANES]; 3]| Vec3::new(lanes[0][lane], lanes[1][lane], lanes[2][lane]);
-    let kind = kind(scene, seen, lane);
-    (kind != EMPTY).then(|| ShadingPoint {
+    shading_point(
+        kind(scene, seen, lane),
         stream,
-        position: vector(&seen.position),
-        normal: vector(&seen.normal),
-        shading_normal: vector(&seen.shading_normal),
+        [&seen.position, &seen.normal, &seen.shading_normal].map(vector),
+    )
+}
+
+/// The point of a [`kind`] with this position, normal and shading normal.
+#[inline(always)]
+fn shading_point(
+    kind: u32,
+    stream: u64,
+    [position, normal, shading_normal]: [Vec3; 3],
+) -> Option<ShadingPoint> {
+    (kind != EMPTY).then_some(ShadingPoint {
+        stream,
+        position,
+        normal,
+        shading_normal,
         material: kind / 2,
         black: kind & 1 != 0,
     })
@@ -186,7 +189,7 @@ impl LaneTask for Edges<'_> {
             let differ = own_row.kinds_differ(at, &own_row, at + 1);
             let (flat, rise) = own.compare(&right);
             let steps = view.footprints(right.position) * F::splat(2.0 * EDGE_STEP);
-            let other = ((differ | !flat.and(steps.gt(rise)).bits()) & ALL) << 1;
+            let other = ((differ | !flat.and(steps.gt(rise)).bits()) & ALL_LANES) << 1;
             edges[eight] |= differ | !flat.and(step.gt(rise)).bits() | other;
             edges[eight + 1] |= other >> LANES;
         }

@@ -22,7 +22,7 @@ use crate::scenery::Scenery;
 use crate::settings::{Emitters, Settings};
 use glam::Vec3;
 use hood::Hood;
-use probe::{Answers, Shares};
+use probe::{Answers, Mixed};
 use rayon::prelude::*;
 
 /// Points that a worker takes at a time, at least.
@@ -82,8 +82,7 @@ impl<'a> Lit<'a> {
     /// One light by itself, for all points that are not glossy.
     fn visibility(&self, hood: &Hood, light: LightAlone<'a>) -> Shadowed {
         let mut answers = Answers::probe(self, hood, light);
-        let mixed = answers.disagreements(self, hood, light);
-        let Shares { mut wide, rim, alone: edges } = mixed.split(light);
+        let Mixed { mut wide, rim, alone: edges } = answers.disagreements(self, hood, light);
         let steep = shared::average(self, hood, light, &mut answers, &mut wide, rim);
         let refined = wide.len() + edges.len();
         let alone: Vec<u32> = edges.iter().copied().chain(steep.iter().map(|steep| steep.point)).collect();

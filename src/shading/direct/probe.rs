@@ -36,13 +36,7 @@ pub struct Answers {
     found: Vec<u8>,
 }
 
-/// Points at which rays disagree, and points close to those, in order.
-#[derive(Debug)]
-pub struct Mixed {
-    points: Vec<MixedPoint>,
-}
-
-/// One of them.
+/// A point at which rays disagree, or close to one.
 #[derive(Debug, Clone, Copy)]
 struct MixedPoint {
     point: u32,
@@ -52,9 +46,9 @@ struct MixedPoint {
     beside: bool,
 }
 
-/// They, by how many rays they get.
+/// Points at which rays disagree, and points close to those, in order, by how many rays they get.
 #[derive(Debug, Default)]
-pub struct Shares {
+pub struct Mixed {
     /// Points that can share rays with their neighbours.
     pub wide: Vec<u32>,
     /// Those of them that are only close to others.
@@ -64,20 +58,19 @@ pub struct Shares {
 }
 
 impl Mixed {
-    /// Those that can share rays with their neighbours, and those that cannot.
-    pub fn split(self, light: LightAlone) -> Shares {
-        let mut shares = Shares::default();
-        for MixedPoint { point, fills, beside } in self.points {
+    fn new(points: &[MixedPoint], light: LightAlone) -> Self {
+        let mut mixed = Self::default();
+        for &MixedPoint { point, fills, beside } in points {
             if !fills || light.is_point() {
-                shares.alone.push(point);
+                mixed.alone.push(point);
                 continue;
             }
-            shares.wide.push(point);
+            mixed.wide.push(point);
             if beside {
-                shares.rim.push(point);
+                mixed.rim.push(point);
             }
         }
-        shares
+        mixed
     }
 }
 
@@ -124,7 +117,7 @@ impl Answers {
                 && near[hood.pixel(i)] != 0
                 && hood.neighbours(lit.view, i).any(|n| marks[n.point] != 0)
         };
-        let points = (0..count)
+        let points: Vec<MixedPoint> = (0..count)
             .into_par_iter()
             .with_min_len(PORTION)
             .filter_map(|i| {
@@ -136,7 +129,7 @@ impl Answers {
                 })
             })
             .collect();
-        Mixed { points }
+        Mixed::new(&points, light)
     }
 
     fn is_mixed(&self, lit: &Lit, hood: &Hood, around: &[u8], i: usize) -> bool {

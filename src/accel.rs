@@ -3,6 +3,7 @@
 mod block;
 mod bounds;
 mod cluster;
+mod fan;
 mod frustum;
 mod packet;
 mod quadric;
@@ -16,6 +17,7 @@ use crate::lanes::LANES;
 use crate::scene::{Located, PrimitiveId, Scene};
 use block::{Found, Triangle};
 use bounds::{Bounds, primitive_bounds};
+use fan::Habit;
 use glam::{Vec3, Vec3A};
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
@@ -28,6 +30,7 @@ use wide::Wide;
 
 pub use bounds::primitive_box;
 pub use cluster::{ClusterNode, ClusterTree, cluster};
+pub use fan::Fan;
 pub use packet::Directions;
 pub use sight::{Coherence, NOTHING, Seen};
 
@@ -75,13 +78,14 @@ pub struct SurfacePoint {
 pub struct Accel {
     scene: Arc<Scene>,
     wide: Wide,
+    habit: Habit,
 }
 
 impl Accel {
     /// Builds the hierarchy.
     pub fn new(scene: Arc<Scene>) -> Self {
         let wide = Wide::new(&scene, &binary_hierarchy(&scene));
-        Self { scene, wide }
+        Self { scene, wide, habit: Habit::default() }
     }
 
     /// The scene that the hierarchy was built over.

@@ -6,6 +6,7 @@ use super::{Accel, Hit};
 use crate::lanes::{self, ALL_LANES, F32x8, LANES, LaneTask, Mask8, dot, vector};
 use crate::scene::PrimitiveId;
 use glam::{Vec3, Vec3A};
+use std::ops::Range;
 
 /// Rays that are followed together at most, in eights.
 const MOST: usize = 8;
@@ -70,7 +71,7 @@ impl Seen {
 }
 
 /// How many rays have lately been worth following together. It decides what a search costs, never what it finds.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Coherence {
     /// Eights of rays.
     together: usize,
@@ -84,17 +85,42 @@ impl Default for Coherence {
     }
 }
 
+impl Coherence {
+    /// As one number, to be kept between searches; 0 is the default.
+    pub(super) fn to_bits(&self) -> u32 {
+        (MOST - self.together) as u32 | self.alone << 8
+    }
+
+    /// The inverse.
+    pub(super) fn from_bits(bits: u32) -> Self {
+        Self { together: MOST - (bits & 0xff) as usize, alone: bits >> 8 }
+    }
+}
+
 impl Accel {
     /// Finds, for rays from one place with unit directions, the surfaces that [`Accel::closest_hit`] finds for each, in less time
     /// where neighbours in the list go nearly the same way.
     pub fn look(&self, origin: Vec3, rays: &[Directions], seen: &mut [Seen], coherence: &mut Coherence) {
         let origin = Vec3A::from(origin);
+        self.follow(origin, rays, coherence, |these, hits| {
+            let (rays, seen) = (&rays[these.clone()], &mut seen[these]);
+            lanes::run(Completion { accel: self, origin, rays, hits, seen });
+        });
+    }
+
+    /// Calls `found` with what bundles of rays meet, in their order.
+    pub(super) fn follow(
+        &self,
+        origin: Vec3A,
+        rays: &[Directions],
+        coherence: &mut Coherence,
+        mut found: impl FnMut(Range<usize>, &[Hits]),
+    ) {
         let mut room = [Hits::NONE; MOST];
         let mut first = 0;
         while first < rays.len() {
             let count = coherence.together.min(rays.len() - first);
-            let (rays, seen) = (&rays[first..first + count], &mut seen[first..first + count]);
-            let hits = &mut room[..count];
+            let (rays, hits) = (&rays[first..first + count], &mut room[..count]);
             if coherence.alone > 0 {
                 coherence.alone -= 1;
                 for (rays, hits) in rays.iter().zip(&mut *hits) {
@@ -103,7 +129,7 @@ impl Accel {
             } else if !self.together(origin, rays, hits, coherence) {
                 continue;
             }
-            lanes::run(Completion { accel: self, origin, rays, hits, seen });
+            found(first..first + count, hits);
             first += count;
         }
     }

@@ -5,7 +5,7 @@
 
 use super::rays::{BATCH, estimate_each};
 use super::{Batch, Estimate, Gathered, Gatherer};
-use crate::accel::{Accel, RAY_OFFSET, SurfacePoint, offset_origin};
+use crate::accel::{Accel, Fan, RAY_OFFSET, SurfacePoint, offset_origin};
 use crate::direct::sequence::Sequence;
 use crate::error::Result;
 use crate::hemicube::frame::{Coverage, Receiver};
@@ -16,6 +16,7 @@ use crate::surfel::lookup::SideLookup;
 use crate::surfel::transfer::Row;
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
+use std::cell::RefCell;
 use std::f64::consts::PI;
 
 /// Directions in all prepared sets together, about: they stay in a core's cache.
@@ -23,6 +24,11 @@ const DIRECTIONS: u32 = 8192;
 
 /// Rays that are summed in single precision.
 const RUN: usize = 256;
+
+thread_local! {
+    /// Directions of the rays that a thread follows.
+    static FAN: RefCell<Fan> = RefCell::default();
+}
 
 /// What a [`TracedGatherer`] does for every receiver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -135,14 +141,16 @@ fn trace(
     mut found: impl FnMut(&GatherRay, Option<SurfacePoint>),
 ) {
     let frame = receiver.frame();
-    for &local in rays {
-        let direction = frame.to_world(local);
-        let origin = offset_origin(receiver.position, receiver.normal, direction);
-        // No two rays of a set leave the same way.
-        let stream = u64::from(receiver.seed) << 32 | u64::from(local.x.to_bits());
-        let ray = GatherRay { origin, direction, stream };
-        found(&ray, accel.closest_point(origin, direction, f32::INFINITY));
-    }
+    let origin = offset_origin(receiver.position, receiver.normal, receiver.normal);
+    FAN.with_borrow_mut(|fan| {
+        fan.clear();
+        rays.iter().for_each(|&local| fan.push(frame.to_world(local)));
+        accel.closest_points(origin, fan, |i, hit| {
+            // No two rays of a set leave the same way.
+            let stream = u64::from(receiver.seed) << 32 | u64::from(rays[i].x.to_bits());
+            found(&GatherRay { origin, direction: frame.to_world(rays[i]), stream }, hit);
+        });
+    });
 }
 
 /// Sets of directions about +z with density cos(theta) / pi.

@@ -12,6 +12,7 @@ use crate::hemicube::convolve::Convolver;
 use crate::hemicube::frame::Receiver;
 use crate::progress::Progress;
 use crate::run::Run;
+use crate::scene::Scene;
 use crate::settings::Settings;
 use crate::stats::Stage;
 use crate::world::World;
@@ -76,7 +77,7 @@ impl<'a> Gathering<'a> {
 
     fn everywhere(&mut self, visible: &Visible) -> Result<IndirectLight> {
         let lit: Vec<u32> = (0..visible.points.len() as u32)
-            .filter(|&i| self.reflects(&visible.points[i as usize]))
+            .filter(|&i| reflects(self.scene(), &visible.points[i as usize]))
             .collect();
         let points: Vec<ShadingPoint> = lit.iter().map(|&i| visible.points[i as usize]).collect();
         let progress = self.run.reporter.progress("gathering", points.len() as u64);
@@ -96,9 +97,9 @@ impl<'a> Gathering<'a> {
         self.settings.diagnostics
     }
 
-    /// Whether light that reaches the point can be seen.
-    pub fn reflects(&self, point: &ShadingPoint) -> bool {
-        !point.black && self.world.scene.materials[point.material as usize].albedo != Vec3::ZERO
+    /// The scene that is lit.
+    pub fn scene(&self) -> &'a Scene {
+        &self.world.scene
     }
 
     /// The companions of the run.
@@ -140,6 +141,11 @@ impl<'a> Gathering<'a> {
         })?;
         Ok(estimates)
     }
+}
+
+/// Whether light that reaches the point can be seen.
+pub fn reflects(scene: &Scene, point: &ShadingPoint) -> bool {
+    !point.black && scene.materials[point.material as usize].albedo != Vec3::ZERO
 }
 
 /// What a finished batch found out.

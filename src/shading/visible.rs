@@ -72,6 +72,17 @@ impl Visible {
         self.starts[pixel] as usize..self.starts[pixel + 1] as usize
     }
 
+    /// The points of pixels that follow each other.
+    pub fn of_pixels(&self, pixels: Range<usize>) -> Range<usize> {
+        self.starts[pixels.start] as usize..self.starts[pixels.end] as usize
+    }
+
+    /// The points of a row, counted from the first of these rows, in some columns.
+    pub fn of_row(&self, row: u32, columns: Range<u32>) -> Range<usize> {
+        let pixel = |x: u32| row as usize * self.width as usize + x as usize;
+        self.of_pixels(pixel(columns.start)..pixel(columns.end))
+    }
+
     /// The point with the largest share of the pixel in a column and a row of these rows; `None` for background.
     pub fn main_point(&self, x: u32, row: u32) -> Option<usize> {
         let range = self.of_pixel(row as usize * self.width as usize + x as usize);

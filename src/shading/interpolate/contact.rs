@@ -7,7 +7,6 @@
 
 use crate::shading::points::{ShadingPoint, View};
 use crate::shading::visible::{Visible, same_surface};
-use rayon::prelude::*;
 
 /// Points of two surfaces further apart than so many lengths of their pixels do not tell that the surfaces meet.
 const ADJACENT: f32 = 1.5;
@@ -15,19 +14,8 @@ const ADJACENT: f32 = 1.5;
 /// What rises less than this share of a pixel's width above a surface lies in it.
 const FLAT: f32 = 1e-3;
 
-/// Whether each visible point shares its pixel, or a side of it, with another surface, and both face each other there.
-pub fn contacts(view: &View, visible: &Visible) -> Vec<bool> {
-    let width = visible.width;
-    let of_row = |row: u32| {
-        (0..width).flat_map(move |x| {
-            let own = visible.of_pixel((row * width + x) as usize);
-            own.map(move |i| has_contact(view, visible, (x, row), i))
-        })
-    };
-    (0..visible.height()).into_par_iter().flat_map_iter(of_row).collect()
-}
-
-fn has_contact(view: &View, visible: &Visible, (x, row): (u32, u32), i: usize) -> bool {
+/// Whether a visible point in a pixel shares that pixel, or a side of it, with another surface, and both face each other there.
+pub fn is_at_contact(view: &View, visible: &Visible, (x, row): (u32, u32), i: usize) -> bool {
     let point = &visible.points[i];
     let meets = |other: usize| other != i && meet(view, point, &visible.points[other]);
     let beside = [
@@ -42,6 +30,10 @@ fn has_contact(view: &View, visible: &Visible, (x, row): (u32, u32), i: usize) -
 
 /// Whether two points lie on different surfaces that face each other and are no further apart than their pixels.
 fn meet(view: &View, a: &ShadingPoint, b: &ShadingPoint) -> bool {
+    // What faces the same way is no hollow; most neighbours do.
+    if a.normal == b.normal {
+        return false;
+    }
     let offset = b.position - a.position;
     let footprint = view.footprint(a.position);
     // On one flat surface, both are zero but for rounding.

@@ -1,8 +1,8 @@
 //! The weighted linear least-squares fit through the records around a point.
 
-use super::lanes::{PointLanes, RecordLanes};
+use super::lanes::{PointLanes, QuadLanes, RecordLanes};
 use super::record::Record;
-use crate::lanes::{F32x8, LANES, Mask8};
+use crate::lanes::{F32x8, LANES, Mask8, dot, sub};
 use glam::Vec3;
 
 /// A record takes part in fits up to this many times its reach.
@@ -27,6 +27,15 @@ pub struct Fit {
     /// W m-2; `None` where no record is near.
     pub irradiance: Option<Vec3>,
     /// Distance to the nearest record, in its reaches.
+    pub distance: f32,
+}
+
+/// What records say of four points around their middle.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct QuadFit {
+    /// W m-2; `None` where no record is near.
+    pub irradiance: Option<[Vec3; 4]>,
+    /// Distance of the middle to the nearest record, in its reaches.
     pub distance: f32,
 }
 
@@ -63,7 +72,42 @@ pub fn fit<F: F32x8>(records: &RecordLanes, points: &PointLanes) -> [Fit; LANES]
         sums.add(record, &at);
     }
     sums.leave_out(points);
-    sums.solve()
+    let plane = sums.plane();
+    let (known, distance) = (sums.known(), sums.distance());
+    let light = lanes_of(plane.middle());
+    std::array::from_fn(|i| Fit { irradiance: known[i].then(|| light[i]), distance: distance[i] })
+}
+
+/// Fits around the middles of eight quads, and what their planes say of the corners.
+#[inline(always)]
+pub fn fit_quads<F: F32x8>(records: &RecordLanes, quads: &QuadLanes) -> [QuadFit; LANES] {
+    let mut sums = Sums::<F>::new();
+    let at = quads.middles.load::<F>();
+    for record in &records.list {
+        sums.add(record, &at);
+    }
+    let plane = sums.plane();
+    let mut light = [[Vec3::ZERO; LANES]; 4];
+    for (light, corner) in light.iter_mut().zip(&quads.corners) {
+        let d = sub([F::load(&corner[0]), F::load(&corner[1]), F::load(&corner[2])], at.position);
+        *light = lanes_of(plane.at(dot(d, at.tangent), dot(d, at.bitangent)));
+    }
+    let (known, distance) = (sums.known(), sums.distance());
+    std::array::from_fn(|i| QuadFit {
+        irradiance: known[i].then(|| light.map(|light| light[i])),
+        distance: distance[i],
+    })
+}
+
+/// Distances of eight points to the nearest record, in its reaches: [`Fit::distance`] alone.
+#[inline(always)]
+pub fn nearest<F: F32x8>(records: &RecordLanes, points: &PointLanes) -> [f32; LANES] {
+    let at = points.load::<F>();
+    let mut nearest = F::splat(f32::MAX);
+    for record in &records.list {
+        nearest = nearest.min(Offset::new(record, &at).distance);
+    }
+    in_reaches(nearest)
 }
 
 /// Eight points in registers.
@@ -107,15 +151,7 @@ impl<F: F32x8> Sums<F> {
     #[inline(always)]
     fn add(&mut self, record: &FitRecord, at: &Points8<F>) {
         let one = F::splat(1.0);
-        let position = splat::<F>(record.position);
-        let d = [position[0] - at.position[0], position[1] - at.position[1], position[2] - at.position[2]];
-        let normal = splat::<F>(record.normal);
-        let (across, other) = (dot(d, at.normal), dot(d, normal));
-        // The mean of both planes' distances vanishes along a curved surface.
-        let across = (across + other) * F::splat(0.5);
-        let flat = dot(d, d) + across * across * F::splat(ACROSS);
-        let turn = one - dot(normal, at.normal);
-        let distance = flat * F::splat(record.scale) + turn * F::splat(TURN);
+        let Offset { d, distance } = Offset::new(record, at);
         self.nearest = self.nearest.min(distance);
         let closeness = one - distance;
         let near = closeness.gt(F::splat(0.0));
@@ -155,9 +191,9 @@ impl<F: F32x8> Sums<F> {
         self.light[2] = self.light[2] - F::load(&points.left_out_light[2]);
     }
 
-    /// The fit's value at the points themselves: mean - gradient . mean offset.
+    /// The fitted planes.
     #[inline(always)]
-    fn solve(&self) -> [Fit; LANES] {
+    fn plane(&self) -> Plane<F> {
         let tiny = F::splat(1e-30);
         let inverse = self.weight.max(tiny).recip();
         let (x, y) = (self.x * inverse, self.y * inverse);
@@ -167,46 +203,125 @@ impl<F: F32x8> Sums<F> {
         let ridge = ((xx + yy) * F::splat(RIDGE)).max(least);
         let (xx, yy) = (xx + ridge, yy + ridge);
         let determinant = (xx * yy - xy * xy).max(tiny).recip();
-        // What the light's first moments weigh in the value.
-        let moments = Moments {
+        let spread = Spread {
             inverse,
             offset: [x, y],
-            factor: [(x * yy - y * xy) * determinant, (y * xx - x * xy) * determinant],
+            xx: xx * determinant,
+            xy: xy * determinant,
+            yy: yy * determinant,
         };
-        let light = [self.value(&moments, 0), self.value(&moments, 1), self.value(&moments, 2)];
-        let weight = self.weight.to_array();
-        let nearest = self.nearest.to_array();
-        std::array::from_fn(|i| Fit {
-            irradiance: (weight[i] > LEAST_WEIGHT).then(|| Vec3::new(light[0][i], light[1][i], light[2][i])),
-            distance: nearest[i].max(0.0).sqrt() * SUPPORT,
-        })
+        Plane {
+            offset: [x, y],
+            channels: [self.channel(&spread, 0), self.channel(&spread, 1), self.channel(&spread, 2)],
+        }
     }
 
     #[inline(always)]
-    fn value(&self, moments: &Moments<F>, channel: usize) -> [f32; LANES] {
-        let mean = self.light[channel] * moments.inverse;
-        let bx = self.x_light[channel] * moments.inverse - moments.offset[0] * mean;
-        let by = self.y_light[channel] * moments.inverse - moments.offset[1] * mean;
-        let fitted = mean - (moments.factor[0] * bx + moments.factor[1] * by);
-        fitted.max(mean * F::splat(1.0 / OVERSHOOT)).min(mean * F::splat(OVERSHOOT)).to_array()
+    fn channel(&self, spread: &Spread<F>, channel: usize) -> Channel<F> {
+        let mean = self.light[channel] * spread.inverse;
+        let bx = self.x_light[channel] * spread.inverse - spread.offset[0] * mean;
+        let by = self.y_light[channel] * spread.inverse - spread.offset[1] * mean;
+        Channel { mean, slope: [spread.yy * bx - spread.xy * by, spread.xx * by - spread.xy * bx] }
+    }
+
+    /// Whether there are records near.
+    #[inline(always)]
+    fn known(&self) -> [bool; LANES] {
+        let weight = self.weight.to_array();
+        std::array::from_fn(|i| weight[i] > LEAST_WEIGHT)
+    }
+
+    #[inline(always)]
+    fn distance(&self) -> [f32; LANES] {
+        in_reaches(self.nearest)
     }
 }
 
-/// What the values of all channels have in common.
-struct Moments<F> {
+/// Where a record is, seen from eight points.
+struct Offset<F> {
+    /// Scene units.
+    d: [F; 3],
+    /// Squared, in supports, with what its normal differs.
+    distance: F,
+}
+
+impl<F: F32x8> Offset<F> {
+    #[inline(always)]
+    fn new(record: &FitRecord, at: &Points8<F>) -> Self {
+        let d = sub(splat(record.position), at.position);
+        let normal = splat::<F>(record.normal);
+        let (across, other) = (dot(d, at.normal), dot(d, normal));
+        // The mean of both planes' distances vanishes along a curved surface.
+        let across = (across + other) * F::splat(0.5);
+        let flat = dot(d, d) + across * across * F::splat(ACROSS);
+        let turn = F::splat(1.0) - dot(normal, at.normal);
+        Self { d, distance: flat * F::splat(record.scale) + turn * F::splat(TURN) }
+    }
+}
+
+/// How records are spread in the tangent plane.
+struct Spread<F> {
     /// 1 / sum of weights.
     inverse: F,
-    /// Mean offset of the records.
+    /// Mean offset.
     offset: [F; 2],
-    factor: [F; 2],
+    /// Covariance over its determinant.
+    xx: F,
+    xy: F,
+    yy: F,
+}
+
+/// Irradiance as a linear function of the place in the tangent plane.
+struct Plane<F> {
+    /// Where the means are found.
+    offset: [F; 2],
+    channels: [Channel<F>; 3],
+}
+
+/// One colour of a [`Plane`].
+struct Channel<F> {
+    mean: F,
+    slope: [F; 2],
+}
+
+impl<F: F32x8> Plane<F> {
+    /// At the points themselves.
+    #[inline(always)]
+    fn middle(&self) -> [F; 3] {
+        let zero = F::splat(0.0);
+        self.at(zero, zero)
+    }
+
+    /// At a place beside them.
+    #[inline(always)]
+    fn at(&self, x: F, y: F) -> [F; 3] {
+        let (x, y) = (x - self.offset[0], y - self.offset[1]);
+        let [r, g, b] = &self.channels;
+        [r.at(x, y), g.at(x, y), b.at(x, y)]
+    }
+}
+
+impl<F: F32x8> Channel<F> {
+    #[inline(always)]
+    fn at(&self, x: F, y: F) -> F {
+        let fitted = self.mean + (self.slope[0] * x + self.slope[1] * y);
+        fitted.max(self.mean * F::splat(1.0 / OVERSHOOT)).min(self.mean * F::splat(OVERSHOOT))
+    }
+}
+
+/// Distances in reaches, of squares in supports.
+#[inline(always)]
+fn in_reaches<F: F32x8>(nearest: F) -> [f32; LANES] {
+    (nearest.max(F::splat(0.0)).sqrt() * F::splat(SUPPORT)).to_array()
+}
+
+#[inline(always)]
+fn lanes_of<F: F32x8>(light: [F; 3]) -> [Vec3; LANES] {
+    let (r, g, b) = (light[0].to_array(), light[1].to_array(), light[2].to_array());
+    std::array::from_fn(|i| Vec3::new(r[i], g[i], b[i]))
 }
 
 #[inline(always)]
 fn splat<F: F32x8>(v: [f32; 3]) -> [F; 3] {
     [F::splat(v[0]), F::splat(v[1]), F::splat(v[2])]
-}
-
-#[inline(always)]
-fn dot<F: F32x8>(a: [F; 3], b: [F; 3]) -> F {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

@@ -1,6 +1,6 @@
 //! Records and points of a tile, laid out for fits at eight points at a time.
 
-use super::fit::{Fit, FitRecord, Points8, SUPPORT, fit};
+use super::fit::{Fit, FitRecord, Points8, QuadFit, SUPPORT, fit, fit_quads, nearest};
 use super::record::Record;
 use crate::lanes::{self, F32x8, LANES, LaneTask};
 use crate::math::Frame;
@@ -78,6 +78,43 @@ impl PointLanes {
     pub fn fit(&self, records: &RecordLanes) -> [Fit; LANES] {
         lanes::run(Fitting { records, points: self })
     }
+
+    /// Distances to the nearest record, in its reaches.
+    pub fn nearest(&self, records: &RecordLanes) -> [f32; LANES] {
+        lanes::run(Nearest { records, points: self })
+    }
+}
+
+/// Eight quads of points; where there are fewer, the last is repeated.
+#[derive(Default)]
+pub struct QuadLanes {
+    pub middles: PointLanes,
+    pub corners: [[[f32; LANES]; 3]; 4],
+}
+
+impl QuadLanes {
+    /// Lays out `count` quads, up to eight: `corners` gives positions and unit normals.
+    pub fn new(count: usize, corners: impl Fn(usize) -> [(Vec3, Vec3); 4]) -> Self {
+        let quads: [[(Vec3, Vec3); 4]; LANES] = std::array::from_fn(|lane| corners(lane.min(count - 1)));
+        let middle = |lane: usize| {
+            let (position, normal) = quads[lane]
+                .iter()
+                .fold((Vec3::ZERO, Vec3::ZERO), |sum, corner| (sum.0 + corner.0, sum.1 + corner.1));
+            (0.25 * position, normal.normalize())
+        };
+        let mut lanes = Self { middles: PointLanes::new(LANES, middle), ..Self::default() };
+        for (lane, quad) in quads.iter().enumerate() {
+            for (corner, (position, _)) in lanes.corners.iter_mut().zip(quad) {
+                (0..3).for_each(|k| corner[k][lane] = position[k]);
+            }
+        }
+        lanes
+    }
+
+    /// Fits around the quads' middles.
+    pub fn fit(&self, records: &RecordLanes) -> [QuadFit; LANES] {
+        lanes::run(FittingQuads { records, quads: self })
+    }
 }
 
 struct Fitting<'a> {
@@ -91,5 +128,99 @@ impl LaneTask for Fitting<'_> {
     #[inline(always)]
     fn run<F: F32x8>(self) -> [Fit; LANES] {
         fit::<F>(self.records, self.points)
+    }
+}
+
+struct FittingQuads<'a> {
+    records: &'a RecordLanes,
+    quads: &'a QuadLanes,
+}
+
+impl LaneTask for FittingQuads<'_> {
+    type Output = [QuadFit; LANES];
+
+    #[inline(always)]
+    fn run<F: F32x8>(self) -> [QuadFit; LANES] {
+        fit_quads::<F>(self.records, self.quads)
+    }
+}
+
+struct Nearest<'a> {
+    records: &'a RecordLanes,
+    points: &'a PointLanes,
+}
+
+impl LaneTask for Nearest<'_> {
+    type Output = [f32; LANES];
+
+    #[inline(always)]
+    fn run<F: F32x8>(self) -> [f32; LANES] {
+        nearest::<F>(self.records, self.points)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gather::Estimate;
+    use crate::math::Rng;
+    use glam::Vec2;
+
+    /// Light that changes evenly over the plane z = 0.
+    fn even(at: Vec3) -> Vec3 {
+        Vec3::new(1.0 + 0.3 * at.x, 1.0 - 0.2 * at.y, 1.0 + 0.1 * (at.x + at.y))
+    }
+
+    fn records() -> RecordLanes {
+        let mut rng = Rng::new(7, 0);
+        let record = |at: Vec2| {
+            let position = at.extend(0.0);
+            Record {
+                position,
+                normal: Vec3::Z,
+                irradiance: even(position),
+                reach: 0.2,
+                shortest: 0.1,
+                closeness: 1.0,
+                coverage: Estimate::default().coverage,
+            }
+        };
+        let records: Vec<Record> = (0..200).map(|_| record(2.0 * rng.unit2() - Vec2::ONE)).collect();
+        let mut lanes = RecordLanes::default();
+        lanes.fill(records.iter());
+        lanes
+    }
+
+    #[test]
+    fn even_light_is_found_again_at_points_and_at_the_corners_of_quads() {
+        let records = records();
+        let middle = |lane: usize| Vec3::new(0.1 * lane as f32 - 0.4, 0.05 * lane as f32, 0.0);
+        let corner = |lane: usize, k: usize| {
+            middle(lane) + 0.02 * Vec3::new([-1.0, 1.0][k % 2], [-1.0, 1.0][k / 2], 0.0)
+        };
+        let points = PointLanes::new(LANES, |lane| (middle(lane), Vec3::Z));
+        let quads = QuadLanes::new(LANES, |lane| [0, 1, 2, 3].map(|k| (corner(lane, k), Vec3::Z)));
+        let nearest = points.nearest(&records);
+        for (lane, (fit, quad)) in points.fit(&records).into_iter().zip(quads.fit(&records)).enumerate() {
+            // The ridge takes up to a tenth of the slopes, and records are not spread evenly.
+            let near = |found: Vec3, at: Vec3| (found - even(at)).abs().max_element() < 3e-3;
+            assert!(near(fit.irradiance.expect("records are near"), middle(lane)), "{lane}: {fit:?}");
+            let corners = quad.irradiance.expect("records are near");
+            assert!((0..4).all(|k| near(corners[k], corner(lane, k))), "{lane}: {quad:?}");
+            let change = corners[1].x - corners[0].x;
+            assert!((change - 0.3 * 0.04).abs() < 0.1 * 0.3 * 0.04, "{lane}: {change}");
+            assert!((quad.distance - fit.distance).abs() < 1e-3 && nearest[lane] == fit.distance);
+        }
+    }
+
+    #[test]
+    fn nothing_is_known_far_from_all_records() {
+        let far = |_| (Vec3::new(9.0, 0.0, 0.0), Vec3::Z);
+        let records = records();
+        assert!(PointLanes::new(1, far).fit(&records).iter().all(|fit| fit.irradiance.is_none()));
+        assert!(
+            QuadLanes::new(1, |lane| [far(lane); 4]).fit(&records).iter().all(|fit| fit.irradiance.is_none())
+        );
+        assert!(PointLanes::new(1, far).nearest(&records).iter().all(|&d| d > 1.0));
     }
 }

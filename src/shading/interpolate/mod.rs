@@ -9,7 +9,9 @@
 mod contact;
 mod diagnose;
 mod fit;
+mod kinds;
 mod lanes;
+mod lists;
 mod record;
 mod tiles;
 
@@ -23,13 +25,12 @@ use crate::interrupt;
 use crate::math::hash32;
 use crate::stats::Stage;
 use glam::Vec3;
-use tiles::{Field, Place};
+use kinds::{Kind, Kinds};
+use rayon::prelude::*;
+use tiles::{Field, Room, TilePoints};
 
 /// Distances of the grids' points, pixels, from coarse to fine.
 const GRIDS: [u32; 4] = [16, 8, 4, 2];
-
-/// What is further than so many reaches from all records is gathered after all.
-const FARTHEST: f32 = 2.0;
 
 /// Indirect light at every visible point, zero where nothing reflects.
 ///
@@ -50,7 +51,10 @@ pub fn interpolate(
         clock.time(Stage::Interpolate, || fields.add(&wanted, &estimates));
     }
     let mut irradiance = vec![Vec3::ZERO; visible.points.len()];
-    let missing = clock.time(Stage::Interpolate, || fields.fill(&mut irradiance));
+    let missing = clock.time(Stage::Interpolate, || {
+        fields.trim();
+        fields.fill(&mut irradiance)
+    });
     let estimates = gather_at(gathering, visible, &missing)?;
     missing.iter().zip(&estimates).for_each(|(&i, e)| irradiance[i as usize] = e.irradiance);
     let mut diagnostics = Vec::new();
@@ -63,21 +67,11 @@ pub fn interpolate(
     Ok(IndirectLight { irradiance, diagnostics })
 }
 
-/// How a visible point is interpolated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    /// Not at all: it reflects nothing.
-    Unlit,
-    /// Between gathers on grids.
-    Open,
-    /// Between gathers at contacts, see [`contact`].
-    Contact,
-}
-
 /// The records of both kinds of points.
 struct Fields<'v> {
-    kinds: Vec<Kind>,
-    first_row: u32,
+    view: &'v View,
+    visible: &'v Visible,
+    kinds: Kinds,
     open: Field<'v>,
     contacts: Field<'v>,
 }
@@ -90,15 +84,10 @@ struct Wanted {
 
 impl<'v> Fields<'v> {
     fn new(gathering: &Gathering, view: &'v View, visible: &'v Visible, tolerance: f32) -> Self {
-        let kind = |(point, contact): (&ShadingPoint, bool)| match (gathering.reflects(point), contact) {
-            (false, _) => Kind::Unlit,
-            (true, false) => Kind::Open,
-            (true, true) => Kind::Contact,
-        };
-        let contacts = contact::contacts(view, visible);
         Self {
-            kinds: visible.points.iter().zip(contacts).map(kind).collect(),
-            first_row: visible.rows.start,
+            view,
+            visible,
+            kinds: Kinds::new(gathering.scene(), view, visible),
             open: Field::new(view, visible, tolerance),
             contacts: Field::new(view, visible, tolerance),
         }
@@ -106,14 +95,37 @@ impl<'v> Fields<'v> {
 
     /// The points of a step's grid, and those at contacts whose turn has come, that no record reaches.
     fn wanted(&self, step: usize) -> Wanted {
-        let on_grid = |place: &Place| place.main && on_grid(place.x, self.first_row + place.row, GRIDS[step]);
         let (mut points, at_contacts) = rayon::join(
-            || uncovered(&self.open, |place| self.is(Kind::Open, &place) && on_grid(&place)),
-            || uncovered(&self.contacts, |place| self.is(Kind::Contact, &place) && turn(place.point) <= step),
+            || self.open.uncovered(|tile, list| self.on_grid(tile, step, list)),
+            || self.contacts.uncovered(|tile, list| self.whose_turn(tile, step, list)),
         );
         let in_open = points.len();
         points.extend(at_contacts);
         Wanted { points, in_open }
+    }
+
+    /// Lists a tile's points on a step's grid, and on no coarser one.
+    fn on_grid(&self, tile: usize, step: usize, list: &mut Vec<u32>) {
+        let (columns, rows) = self.open.pixels(tile);
+        let (grid, first_row) = (GRIDS[step], self.visible.rows.start);
+        let on = |at: u32, grid: u32| at.is_multiple_of(grid);
+        for row in rows.filter(|row| on(first_row + row, grid)) {
+            for x in columns.clone().filter(|&x| on(x, grid)) {
+                let coarser = step > 0 && on(x, 2 * grid) && on(first_row + row, 2 * grid);
+                let main = self.visible.main_point(x, row).filter(|&point| self.kinds.is(Kind::Open, point));
+                list.extend(main.filter(|_| !coarser).map(|point| point as u32));
+            }
+        }
+    }
+
+    /// Lists a tile's points at contacts that may be gathered at a step.
+    fn whose_turn(&self, tile: usize, step: usize, list: &mut Vec<u32>) {
+        let (columns, rows) = self.contacts.pixels(tile);
+        for point in rows.flat_map(|row| self.visible.of_row(row, columns.clone())) {
+            if self.kinds.is(Kind::Contact, point) && turn(point) <= step {
+                list.push(point as u32);
+            }
+        }
     }
 
     fn add(&mut self, wanted: &Wanted, estimates: &[Estimate]) {
@@ -123,53 +135,62 @@ impl<'v> Fields<'v> {
         self.contacts.add(contacts.iter().copied().zip(found_at_contacts.iter().copied()));
     }
 
+    fn trim(&mut self) {
+        rayon::join(|| self.open.trim(), || self.contacts.trim());
+    }
+
     /// The fits everywhere; returns the points that have no record near.
     fn fill(&self, irradiance: &mut [Vec3]) -> Vec<u32> {
-        let mut missing = Vec::new();
-        for (field, kind) in [(&self.open, Kind::Open), (&self.contacts, Kind::Contact)] {
-            for (i, fit) in field.fit(|place| self.is(kind, &place)).into_iter().flatten() {
-                match fit.irradiance {
-                    Some(e) if fit.distance < FARTHEST => irradiance[i as usize] = e,
-                    _ => missing.push(i),
-                }
-            }
+        // The points of a row of tiles follow each other.
+        let mut rest = irradiance;
+        let mut rows = Vec::new();
+        for tile_row in 0..self.open.tile_rows() {
+            let points = self.open.points_of_row(tile_row);
+            let (row, after) = rest.split_at_mut(points.len());
+            rows.push((tile_row, points.start, row));
+            rest = after;
         }
-        missing
+        let of_row = |rooms: &mut Rooms, (tile_row, first, irradiance): (u32, usize, &mut [Vec3])| {
+            let mut missing = Vec::new();
+            for tile in self.open.tiles_of_row(tile_row) {
+                let pixels = self.open.pixels(tile);
+                self.kinds.sort_tile(self.view, self.visible, pixels, &mut rooms.open, &mut rooms.contacts);
+                let light = (&mut *irradiance, first);
+                self.open.fill(tile, &rooms.open, &mut rooms.room, light, &mut missing);
+                let light = (&mut *irradiance, first);
+                self.contacts.fill(tile, &rooms.contacts, &mut rooms.room, light, &mut missing);
+            }
+            missing
+        };
+        rows.into_par_iter().map_init(Rooms::default, of_row).flatten_iter().collect()
     }
 
     /// Diagnostics by visible point: nothing is known of those without light.
     fn diagnose(&self) -> Vec<Diagnostics> {
         let (open, contacts) = (self.open.diagnose(), self.contacts.diagnose());
-        let known =
-            self.kinds.iter().zip(open.into_iter().zip(contacts)).map(|(kind, (open, contact))| match kind {
+        let known = self.kinds.as_slice().iter().zip(open.into_iter().zip(contacts)).map(
+            |(kind, (open, contact))| match kind {
                 Kind::Unlit => None,
                 Kind::Open => open,
                 Kind::Contact => contact,
-            });
+            },
+        );
         known.map(Option::unwrap_or_default).collect()
-    }
-
-    fn is(&self, kind: Kind, place: &Place) -> bool {
-        self.kinds[place.point] == kind
     }
 }
 
-/// Whether a pixel belongs to a grid, and to no coarser one.
-fn on_grid(x: u32, y: u32, grid: u32) -> bool {
-    let on = |grid| x.is_multiple_of(grid) && y.is_multiple_of(grid);
-    on(grid) && (grid == GRIDS[0] || !on(2 * grid))
+/// What a worker keeps from tile to tile.
+#[derive(Debug, Default)]
+struct Rooms {
+    room: Room,
+    open: TilePoints,
+    contacts: TilePoints,
 }
 
 /// The step at which a point at a contact may be gathered. Contacts are lines, which a grid would miss: an eighth of all points
 /// takes the first turn, wherever they are, and each later turn takes twice as many.
 fn turn(point: usize) -> usize {
     (GRIDS.len() - 1).saturating_sub(hash32(point as u32).trailing_zeros() as usize)
-}
-
-/// The wanted points that no record reaches.
-fn uncovered(field: &Field, wanted: impl Fn(Place) -> bool + Sync) -> Vec<u32> {
-    let fits = field.fit(wanted);
-    fits.into_iter().flatten().filter(|(_, fit)| fit.distance > 1.0).map(|(i, _)| i).collect()
 }
 
 fn gather_at(gathering: &mut Gathering, visible: &Visible, points: &[u32]) -> Result<Vec<Estimate>> {

@@ -1,8 +1,9 @@
 //! The records, found by the tiles of the picture that they reach into.
 
 use super::diagnose::diagnose;
-use super::fit::{Fit, SUPPORT};
-use super::lanes::{PointLanes, RecordLanes};
+use super::fit::SUPPORT;
+use super::lanes::{PointLanes, QuadLanes, RecordLanes};
+use super::lists::{Disc, Lists};
 use super::record::{Reaches, Record};
 use crate::gather::Estimate;
 use crate::lanes::LANES;
@@ -26,21 +27,10 @@ const SURROUNDINGS: f32 = 2.0;
 const ONE_SIDED: f32 = 1.0;
 /// Fewer errors than these have no mean worth the name.
 const ENOUGH: u32 = 4;
+/// What is further than so many reaches from all records is gathered after all.
+const FARTHEST: f32 = 2.0;
 /// Corrected records reach at least this share of what is worth while: not to the next pixel.
 const LEAST: f32 = 0.2;
-
-/// Where a visible point is found.
-#[derive(Debug, Clone, Copy)]
-pub struct Place {
-    /// Column of its pixel.
-    pub x: u32,
-    /// Row of its pixel, counted from the first of the visible ones.
-    pub row: u32,
-    /// Its number.
-    pub point: usize,
-    /// Whether it has the largest share of its pixel.
-    pub main: bool,
-}
 
 /// All records of one kind of points of a picture so far.
 pub struct Field<'v> {
@@ -59,56 +49,111 @@ impl<'v> Field<'v> {
     pub fn new(view: &'v View, visible: &'v Visible, tolerance: f32) -> Self {
         let columns = visible.width.div_ceil(TILE);
         let tile_rows = visible.height().div_ceil(TILE);
-        let tiles = Lists::of_boxes(columns, tile_rows, &[]);
+        let tiles = Lists::new(columns, tile_rows, &[]);
         let reaches = Reaches::new(tolerance);
         Self { view, visible, reaches, records: Vec::new(), tiles, columns, tile_rows }
     }
 
-    /// Fits at visible points, by column and row of these rows, which
-    /// of its points are: it is asked for every one, together with the number of the pixel's first.
-    pub fn fit(&self, wanted: impl Fn(Place) -> bool + Sync) -> Vec<Vec<(u32, Fit)>> {
-        let chosen = |tile: usize, list: &mut Vec<u32>| {
-            let (x0, y0) = (tile as u32 % self.columns * TILE, tile as u32 / self.columns * TILE);
-            for y in y0..self.visible.height().min(y0 + TILE) {
-                for x in x0..self.visible.width.min(x0 + TILE) {
-                    let points = self.visible.of_pixel(y as usize * self.visible.width as usize + x as usize);
-                    let main = points.start;
-                    let is_wanted = |&point: &usize| wanted(Place { x, row: y, point, main: point == main });
-                    list.extend(points.filter(is_wanted).map(|point| point as u32));
-                }
-            }
-        };
-        self.fit_in_tiles(chosen, |eight| {
-            PointLanes::new(eight.len(), |lane| {
-                let point = &self.visible.points[eight[lane] as usize];
-                (point.position, point.shading_normal)
-            })
-        })
+    /// Tiles of the picture, numbered row by row.
+    pub fn tiles(&self) -> usize {
+        self.columns as usize * self.tile_rows as usize
     }
 
-    /// Fits for the items that `list` adds for a tile; `lanes` lays out up to eight of them.
-    fn fit_in_tiles(
-        &self,
-        list: impl Fn(usize, &mut Vec<u32>) + Sync,
-        lanes: impl Fn(&[u32]) -> PointLanes + Sync,
-    ) -> Vec<Vec<(u32, Fit)>> {
-        (0..self.tiles.len())
+    /// Rows of tiles.
+    pub fn tile_rows(&self) -> u32 {
+        self.tile_rows
+    }
+
+    /// The tiles of a row.
+    pub fn tiles_of_row(&self, tile_row: u32) -> Range<usize> {
+        let columns = self.columns as usize;
+        tile_row as usize * columns..(tile_row as usize + 1) * columns
+    }
+
+    /// The visible points in a row of tiles.
+    pub fn points_of_row(&self, tile_row: u32) -> Range<usize> {
+        let rows = tile_row * TILE..self.visible.height().min((tile_row + 1) * TILE);
+        let pixel = |row: u32| row as usize * self.visible.width as usize;
+        self.visible.of_pixels(pixel(rows.start)..pixel(rows.end))
+    }
+
+    /// The pixels of a tile: columns, and rows counted from the first of the visible ones.
+    pub fn pixels(&self, tile: usize) -> (Range<u32>, Range<u32>) {
+        let (x, y) = (tile as u32 % self.columns * TILE, tile as u32 / self.columns * TILE);
+        (x..self.visible.width.min(x + TILE), y..self.visible.height().min(y + TILE))
+    }
+
+    /// Of the points that `list` adds for a tile, those that no record reaches, tile by tile.
+    pub fn uncovered(&self, list: impl Fn(usize, &mut Vec<u32>) + Sync) -> Vec<u32> {
+        let of_tile = |room: &mut Room, tile: usize| {
+            room.points.clear();
+            list(tile, &mut room.points);
+            if room.points.is_empty() {
+                return Vec::new();
+            }
+            self.fill_records(tile, &mut room.records);
+            let mut found = Vec::new();
+            for eight in room.points.chunks(LANES) {
+                let distances = self.point_lanes(eight).nearest(&room.records);
+                found.extend(eight.iter().zip(distances).filter(|(_, d)| *d > 1.0).map(|(&point, _)| point));
+            }
+            found
+        };
+        (0..self.tiles())
             .into_par_iter()
             .with_min_len(8)
-            .map_init(<(RecordLanes, Vec<u32>)>::default, |(records, items), tile| {
-                items.clear();
-                list(tile, items);
-                if items.is_empty() {
-                    return Vec::new();
-                }
-                records.fill(self.tiles.get(tile).iter().map(|&r| &self.records[r as usize]));
-                let mut fits = Vec::with_capacity(items.len());
-                for eight in items.chunks(LANES) {
-                    fits.extend(eight.iter().copied().zip(lanes(eight).fit(records)));
-                }
-                fits
-            })
+            .map_init(Room::default, of_tile)
+            .flatten_iter()
             .collect()
+    }
+
+    /// Sets the irradiance of a tile's points to what their fits say; `irradiance` begins with that of the visible point `first`.
+    /// Adds points that have no record near to `missing`.
+    pub fn fill(
+        &self,
+        tile: usize,
+        points: &TilePoints,
+        room: &mut Room,
+        (irradiance, first): (&mut [Vec3], usize),
+        missing: &mut Vec<u32>,
+    ) {
+        if points.singles.is_empty() && points.quads.is_empty() {
+            return;
+        }
+        self.fill_records(tile, &mut room.records);
+        let mut set = |point: u32, light: Option<Vec3>, distance: f32| match light {
+            Some(e) if distance < FARTHEST => irradiance[point as usize - first] = e,
+            _ => missing.push(point),
+        };
+        for eight in points.singles.chunks(LANES) {
+            let fits = self.point_lanes(eight).fit(&room.records);
+            eight.iter().zip(fits).for_each(|(&point, fit)| set(point, fit.irradiance, fit.distance));
+        }
+        for eight in points.quads.chunks(LANES) {
+            for (quad, fit) in eight.iter().zip(self.quad_lanes(eight).fit(&room.records)) {
+                for (corner, &point) in quad.iter().enumerate() {
+                    set(point, fit.irradiance.map(|light| light[corner]), fit.distance);
+                }
+            }
+        }
+    }
+
+    fn fill_records(&self, tile: usize, records: &mut RecordLanes) {
+        records.fill(self.tiles.get(tile).iter().map(|&r| &self.records[r as usize]));
+    }
+
+    fn point_lanes(&self, eight: &[u32]) -> PointLanes {
+        PointLanes::new(eight.len(), |lane| self.place(eight[lane]))
+    }
+
+    fn quad_lanes(&self, eight: &[[u32; 4]]) -> QuadLanes {
+        QuadLanes::new(eight.len(), |lane| eight[lane].map(|point| self.place(point)))
+    }
+
+    /// Position and unit normal.
+    fn place(&self, point: u32) -> (Vec3, Vec3) {
+        let point = &self.visible.points[point as usize];
+        (point.position, point.shading_normal)
     }
 
     /// What the records tell of every visible point, in order; `None` where none is near.
@@ -143,6 +188,10 @@ impl<'v> Field<'v> {
         self.set_reaches(&agreed);
         let corrected = self.corrected();
         self.set_reaches(&corrected);
+    }
+
+    /// Forgets which tiles records reached into before they reached less far.
+    pub fn trim(&mut self) {
         self.sort_into_tiles();
     }
 
@@ -188,26 +237,38 @@ impl<'v> Field<'v> {
     /// Relative errors of the predictions of records from their neighbours, positive where these promise more light; 0 without
     /// neighbours.
     fn errors(&self) -> Vec<f32> {
-        let own: Vec<TileBox> = self.records.par_iter().map(|r| self.own_tile(r)).collect();
-        let own = Lists::of_boxes(self.columns, self.tile_rows, &own);
-        let fits = self.fit_in_tiles(
-            |tile, items| items.extend(own.get(tile)),
-            |eight| PointLanes::without(eight.len(), |lane| &self.records[eight[lane] as usize]),
-        );
+        let own: Vec<Disc> = self.records.par_iter().map(|r| self.own_tile(r)).collect();
+        let own = Lists::new(self.columns, self.tile_rows, &own);
+        let of_tile = |records: &mut RecordLanes, tile: usize| {
+            let items = own.get(tile);
+            let mut errors = Vec::with_capacity(items.len());
+            if !items.is_empty() {
+                self.fill_records(tile, records);
+            }
+            for eight in items.chunks(LANES) {
+                let lanes = PointLanes::without(eight.len(), |lane| &self.records[eight[lane] as usize]);
+                for (&r, fit) in eight.iter().zip(lanes.fit(records)) {
+                    let found = self.records[r as usize].irradiance;
+                    errors.push((
+                        r,
+                        fit.irradiance.map_or(0.0, |prediction| relative_error(prediction, found)),
+                    ));
+                }
+            }
+            errors
+        };
+        let tiles = (0..self.tiles()).into_par_iter().with_min_len(8);
+        let found: Vec<_> = tiles.map_init(RecordLanes::default, of_tile).flatten_iter().collect();
         let mut errors = vec![0.0; self.records.len()];
-        for (r, fit) in fits.into_iter().flatten() {
-            let found = self.records[r as usize].irradiance;
-            errors[r as usize] = fit.irradiance.map_or(0.0, |prediction| relative_error(prediction, found));
-        }
+        found.into_iter().for_each(|(r, error)| errors[r as usize] = error);
         errors
     }
 
-    fn own_tile(&self, record: &Record) -> TileBox {
-        let (column, row) = match self.tile_at(record) {
-            None => return TileBox { columns: 0..0, rows: 0..0 },
-            Some(tile) => (tile as u32 % self.columns, tile as u32 / self.columns),
-        };
-        TileBox { columns: column..column + 1, rows: row..row + 1 }
+    fn own_tile(&self, record: &Record) -> Disc {
+        match self.tile_at(record) {
+            None => Disc { x: 0.0, y: 0.0, radius: -1.0 },
+            Some(tile) => Disc::within(tile as u32 % self.columns, tile as u32 / self.columns),
+        }
     }
 
     fn set_reaches(&mut self, reaches: &[f32]) {
@@ -226,68 +287,43 @@ impl<'v> Field<'v> {
     }
 
     fn sort_into_tiles(&mut self) {
-        let boxes: Vec<TileBox> = self.records.par_iter().map(|r| self.tile_box(r)).collect();
-        self.tiles = Lists::of_boxes(self.columns, self.tile_rows, &boxes);
+        let discs: Vec<Disc> = self.records.par_iter().map(|r| self.disc(r)).collect();
+        self.tiles = Lists::new(self.columns, self.tile_rows, &discs);
     }
 
-    /// The tiles that the record's support may touch.
-    fn tile_box(&self, record: &Record) -> TileBox {
-        let everything = TileBox { columns: 0..self.columns, rows: 0..self.tile_rows };
+    /// Where the record's support may reach.
+    fn disc(&self, record: &Record) -> Disc {
         let at = self.view.project(record.position);
         let radius = self.view.projected_radius(record.position, SUPPORT * record.reach);
-        let (Some(at), Some(radius)) = (at, radius) else { return everything };
-        let range = |centre: f32, count: u32| {
-            let low = ((centre - radius) / TILE as f32).floor().clamp(0.0, count as f32);
-            let high = ((centre + radius) / TILE as f32).ceil().clamp(0.0, count as f32);
-            low as u32..high as u32
+        let (Some(at), Some(radius)) = (at, radius) else {
+            return Disc { x: 0.0, y: 0.0, radius: f32::INFINITY };
         };
-        let first_row = self.visible.rows.start as f32;
-        TileBox { columns: range(at.x, self.columns), rows: range(at.y - first_row, self.tile_rows) }
+        let tile = TILE as f32;
+        Disc { x: at.x / tile, y: (at.y - self.visible.rows.start as f32) / tile, radius: radius / tile }
     }
 }
 
-/// A rectangle of tiles.
-struct TileBox {
-    columns: Range<u32>,
-    rows: Range<u32>,
+/// What a worker keeps from tile to tile.
+#[derive(Debug, Default)]
+pub struct Room {
+    records: RecordLanes,
+    points: Vec<u32>,
 }
 
-/// For each tile, the items in it, in rising order.
-struct Lists {
-    starts: Vec<u32>,
-    items: Vec<u32>,
+/// Points of a tile that want a fit.
+#[derive(Debug, Default)]
+pub struct TilePoints {
+    /// Each by itself.
+    pub singles: Vec<u32>,
+    /// Four at a time: neighbours on one flat surface.
+    pub quads: Vec<[u32; 4]>,
 }
 
-impl Lists {
-    /// Lists by tile, given each item's rectangle of tiles.
-    fn of_boxes(columns: u32, rows: u32, boxes: &[TileBox]) -> Self {
-        let tiles = |b: &TileBox| {
-            let xs = b.columns.clone();
-            b.rows.clone().flat_map(move |y| xs.clone().map(move |x| (y * columns + x) as usize))
-        };
-        let count = (columns * rows) as usize;
-        let mut starts = vec![0u32; count + 1];
-        boxes.iter().flat_map(tiles).for_each(|tile| starts[tile + 1] += 1);
-        for tile in 0..count {
-            starts[tile + 1] += starts[tile];
-        }
-        let mut ends = starts.clone();
-        let mut items = vec![0; starts[count] as usize];
-        for (item, of_item) in boxes.iter().enumerate() {
-            for tile in tiles(of_item) {
-                items[ends[tile] as usize] = item as u32;
-                ends[tile] += 1;
-            }
-        }
-        Self { starts, items }
-    }
-
-    fn len(&self) -> usize {
-        self.starts.len() - 1
-    }
-
-    fn get(&self, tile: usize) -> &[u32] {
-        &self.items[self.starts[tile] as usize..self.starts[tile + 1] as usize]
+impl TilePoints {
+    /// Leaves none.
+    pub fn clear(&mut self) {
+        self.singles.clear();
+        self.quads.clear();
     }
 }
 

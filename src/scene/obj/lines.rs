@@ -39,6 +39,17 @@ impl<'a> Statements<'a> {
         Self { path, rest: text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text), line: 0 }
     }
 
+    /// Offers the next line, unless the file ends in it, and goes on behind it if `take` does.
+    pub fn take_line(&mut self, take: impl FnOnce(&[u8]) -> bool) -> bool {
+        let Some(end) = self.rest.iter().position(|&c| c == b'\n') else { return false };
+        let taken = take(&self.rest[..end]);
+        if taken {
+            self.rest = &self.rest[end + 1..];
+            self.line += 1;
+        }
+        taken
+    }
+
     /// Reads the next statement that is not blank; tells whether there was one.
     pub fn next(&mut self, statement: &mut Statement<'a>) -> Result<bool> {
         statement.words.clear();

@@ -6,6 +6,7 @@
 
 mod lines;
 mod mtl;
+mod plain;
 mod scan;
 
 use super::mesh::MeshBuilder;

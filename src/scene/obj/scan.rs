@@ -56,7 +56,11 @@ pub(super) fn scan(statements: &mut Statements) -> Result<Scan> {
     let mut scan = Scan::default();
     let mut pending = Vec::new();
     let mut statement = Statement::default();
-    while statements.next(&mut statement)? {
+    loop {
+        while statements.take_line(|line| scan.take_plain(line)) {}
+        if !statements.next(&mut statement)? {
+            break;
+        }
         scan.statement(statements, &statement, &mut pending)?;
     }
     for Pending { word, index, normal } in pending {

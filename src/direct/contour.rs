@@ -49,7 +49,7 @@ pub(super) struct ContourSample {
 }
 
 /// The plane below which a receiver sees nothing.
-struct Horizon {
+pub(super) struct Horizon {
     normal: DVec3,
     /// Where the outline goes below the horizon, and where it comes back.
     exits: Vec<DVec3>,
@@ -58,13 +58,13 @@ struct Horizon {
 
 impl Horizon {
     /// Of a receiver at the origin with this unit normal.
-    fn new(normal: DVec3) -> Self {
+    pub(super) fn new(normal: DVec3) -> Self {
         Self { normal, exits: Vec::new(), entries: Vec::new() }
     }
 
     /// The part of an edge that is above.
     #[inline(always)] // Called, it would wait for its arguments to go through memory: three times the time.
-    fn clip(&mut self, [a, b]: [DVec3; 2]) -> Option<[DVec3; 2]> {
+    pub(super) fn clip(&mut self, [a, b]: [DVec3; 2]) -> Option<[DVec3; 2]> {
         let (from, to) = (self.normal.dot(a), self.normal.dot(b));
         match (from > 0.0, to > 0.0) {
             (true, true) => Some([a, b]),
@@ -83,7 +83,7 @@ impl Horizon {
     }
 
     /// The edges along it that close what was clipped.
-    fn closing(self) -> impl Iterator<Item = [DVec3; 2]> {
+    pub(super) fn closing(self) -> impl Iterator<Item = [DVec3; 2]> {
         // A convex body cuts the horizon in one arc of less than half a turn, so that it does not matter which exit is
         // joined to which entry if rounding makes more than one of each.
         self.exits.into_iter().zip(self.entries).map(|(exit, entry)| [exit, entry])

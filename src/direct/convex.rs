@@ -2,6 +2,7 @@
 //! between two faces that the receiver sees cancel.
 
 use super::alone::ProbePoint;
+use super::arcs;
 use super::contour::{self, Contour, arc};
 use super::flux::{self, Flux};
 use super::local::Local;
@@ -19,6 +20,9 @@ use std::ops::Range;
 
 /// More than the diagonal of a scene, scene units.
 const BEYOND: f32 = 2.0;
+
+/// Seen from where it looks smaller than this (radians, about), a body's outline takes more digits than f32 has.
+const SMALL: f64 = 0.01;
 
 /// Points that probing rays go to.
 const PROBES: usize = 1024;
@@ -85,6 +89,16 @@ impl ConvexLight {
         }
     }
 
+    /// [`Self::irradiance`] to four digits, where the light is not [`SMALL`].
+    fn rough_irradiance(&self, local: &Local) -> f64 {
+        let edges = self.silhouette.edges(local.origin());
+        if edges.len() == 0 {
+            self.irradiance(local)
+        } else {
+            arcs::irradiance(local.normal(), edges).max(0.0)
+        }
+    }
+
     /// [`Self::irradiance`] at many receivers, to 1e-4 of what surfaces facing the light get.
     pub(super) fn irradiances(&self, receivers: &[Local]) -> Vec<f64> {
         let mut irradiances = vec![0.0; receivers.len()];
@@ -93,8 +107,10 @@ impl ConvexLight {
             let to_centre = self.centre - local.origin();
             let height = to_centre.dot(local.normal());
             let near = to_centre.length_squared() < (flux::NEAR * self.radius).powi(2);
+            let small = to_centre.length_squared() * (SMALL * SMALL) > self.mean_radius_squared;
             if near || height.abs() <= self.radius {
-                irradiances[index] = self.irradiance(local);
+                irradiances[index] =
+                    if small { self.irradiance(local) } else { self.rough_irradiance(local) };
             } else if height > 0.0 {
                 clear.push(Flux { index, at: local.origin(), vector: DVec3::ZERO });
             }

@@ -83,7 +83,7 @@ impl Outline<'_> {
 
 /// An angle over its sine, from the square of that.
 #[inline(always)]
-fn arc_over_sine<F: F32x8>(square: F) -> F {
+pub(super) fn arc_over_sine<F: F32x8>(square: F) -> F {
     let mut sum = F::splat(ARCSINE[TERMS - 1] as f32);
     for i in (0..TERMS - 1).rev() {
         sum = sum * square + F::splat(ARCSINE[i] as f32);

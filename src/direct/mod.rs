@@ -4,6 +4,7 @@
 //! silhouettes of convex meshes, the closed form of a sphere) and shadow rays only scale it. Beyond that, a bounded number of samples is chosen by a light tree.
 
 mod alone;
+mod arcs;
 mod chosen;
 mod collect;
 mod contour;

@@ -5,6 +5,7 @@ use crate::scene::Scene;
 use crate::scene::topology::{EdgeUse, Edges, Sets};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use std::f64::consts::PI;
 
 /// Largest distance of a vertex in front of a face, relative to the body's size, with which the body counts as convex.
 /// Coordinates in files are rounded; irradiance is wrong by no more than about this.
@@ -49,7 +50,8 @@ pub(super) fn find_solids(scene: &Scene, triangles: &[usize]) -> Vec<Solid> {
         .filter_map(|part| {
             let own: Vec<[Vec3; 3]> = part.triangles.iter().map(|&t| scene.triangles[t]).collect();
             let material = scene.triangle_materials[part.triangles[0]];
-            is_convex(&own).then_some(Solid { triangles: part.triangles, edges: part.edges, material })
+            let convex = is_convex_everywhere(&own, &part.edges) || is_convex(&own);
+            convex.then_some(Solid { triangles: part.triangles, edges: part.edges, material })
         })
         .collect()
 }
@@ -112,6 +114,33 @@ fn plane(corners: &[Vec3; 3]) -> Plane {
     Plane { normal, offset: normal.dot(a) }
 }
 
+/// Whether a closed body is convex at each of its edges, exactly, and all of its surface is seen from its middle, once: then it is
+/// convex, which takes no search to find out. Bodies whose coordinates are rounded may be convex all the same, see [`is_convex`].
+fn is_convex_everywhere(triangles: &[[Vec3; 3]], edges: &[SolidEdge]) -> bool {
+    let convex = |e: &SolidEdge| {
+        let along = e.ends[1].as_dvec3() - e.ends[0].as_dvec3();
+        e.left.normal.cross(e.right.normal).dot(along) >= 0.0
+    };
+    edges.iter().all(convex) && is_seen_once(triangles)
+}
+
+/// Whether triangles surround their middle once and all face away from it: their solid angles make a sphere.
+fn is_seen_once(triangles: &[[Vec3; 3]]) -> bool {
+    let sum: DVec3 = triangles.iter().flatten().map(|v| v.as_dvec3()).sum();
+    let middle = sum / (3.0 * triangles.len() as f64);
+    let mut angles = 0.0;
+    for corners in triangles {
+        let [a, b, c] = corners.map(|v| (v.as_dvec3() - middle).normalize());
+        // Van Oosterom and Strackee 1983, "The Solid Angle of a Plane Triangle".
+        let angle = 2.0 * a.dot(b.cross(c)).atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a));
+        if !(angle > 0.0) {
+            return false;
+        }
+        angles += angle;
+    }
+    (angles / (4.0 * PI) - 1.0).abs() < 0.01
+}
+
 /// Whether no triangle reaches in front of another's plane.
 fn is_convex(triangles: &[[Vec3; 3]]) -> bool {
     let boxes: Vec<(Vec3, Vec3)> =
@@ -166,5 +195,48 @@ impl Span {
     /// The largest product of a vector with a point of the box.
     fn furthest(&self, direction: Vec3) -> f32 {
         direction.dot(self.centre) + direction.abs().dot(self.half)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Material, SceneDescription, Shape};
+
+    /// An octahedron whose upper corner is at a height.
+    fn octahedron(height: f64) -> Scene {
+        let positions = vec![DVec3::X, DVec3::Y, DVec3::NEG_X, DVec3::NEG_Y, DVec3::Z * height, DVec3::NEG_Z];
+        let side = |k: u32| [[k, (k + 1) % 4, 4], [(k + 1) % 4, k, 5]];
+        let triangles: Vec<[u32; 3]> = (0..4).flat_map(side).collect();
+        let materials = vec![0; triangles.len()];
+        let shapes = vec![Shape::Mesh { positions, triangles, normals: Vec::new(), materials }];
+        let lamp = Material { emission: Vec3::ONE, ..Material::default() };
+        let description = SceneDescription { shapes, materials: vec![lamp], ..SceneDescription::default() };
+        Scene::new(&description).expect("has an area")
+    }
+
+    fn part(scene: &Scene) -> Part {
+        let all: Vec<usize> = (0..scene.triangles.len()).collect();
+        parts(scene, &all, &scene.triangles).pop().expect("a body")
+    }
+
+    #[test]
+    fn what_is_convex_at_every_edge_and_seen_once_needs_no_search() {
+        let scene = octahedron(1.0);
+        let part = part(&scene);
+        assert!(
+            part.closed && is_convex_everywhere(&scene.triangles, &part.edges) && is_convex(&scene.triangles)
+        );
+        // Twice around is not once.
+        let twice: Vec<_> = scene.triangles.iter().chain(&scene.triangles).copied().collect();
+        assert!(!is_seen_once(&twice));
+    }
+
+    #[test]
+    fn a_dent_is_found_either_way() {
+        let scene = octahedron(-0.2);
+        let part = part(&scene);
+        assert!(part.closed && !is_convex_everywhere(&scene.triangles, &part.edges));
+        assert!(!is_convex(&scene.triangles) && find_solids(&scene, &(0..8).collect::<Vec<_>>()).is_empty());
     }
 }

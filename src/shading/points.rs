@@ -111,9 +111,23 @@ impl View {
 
     /// What a ray through the pixel to which a sample's stream belongs meets; `within` is in the unit square.
     pub fn trace_within(&self, accel: &Accel, stream: u64, within: Vec2) -> Option<ShadingPoint> {
+        self.trace(accel, self.place_within(stream, within), stream)
+    }
+
+    /// The same where nothing but a point's own plane is seen in its pixel; `None` where a ray runs along it.
+    pub fn meet_within(&self, point: &ShadingPoint, within: Vec2) -> Option<ShadingPoint> {
+        let at = self.place_within(point.stream, within);
+        let direction = self.direction(at.x, at.y);
+        let t = (point.position - self.origin).dot(point.normal) / direction.dot(point.normal);
+        let position = self.origin + direction * t;
+        position.is_finite().then_some(ShadingPoint { position, ..*point })
+    }
+
+    /// A place in the pixel to which a sample's stream belongs, pixels.
+    fn place_within(&self, stream: u64, within: Vec2) -> Vec2 {
         let pixel = stream / u64::from(self.samples);
         let (x, y) = (pixel % u64::from(self.width), pixel / u64::from(self.width));
-        self.trace(accel, Vec2::new(x as f32, y as f32) + within, stream)
+        Vec2::new(x as f32, y as f32) + within
     }
 
     /// Unit direction from a point to the camera.

@@ -3,7 +3,7 @@
 use super::chart::Charts;
 use super::closed::ClosedTest;
 use super::cloud::SurfelCloud;
-use super::reconstruct::{Reconstruction, Spot};
+use super::reconstruct::{Reconstruction, Spot, SpotLight};
 use crate::accel::{Accel, SurfacePoint};
 use crate::scene::Scene;
 use glam::{Vec3, Vec4, Vec4Swizzles};
@@ -43,8 +43,10 @@ pub struct RadianceLookup {
 impl RadianceLookup {
     /// Resamples a shaded cloud of the scene.
     pub fn new(accel: &Accel, closed: &ClosedTest, cloud: &SurfelCloud) -> Self {
+        let dark = dark_materials(accel.scene(), cloud);
         let (charts, samples) = resample(accel, closed, cloud, |surfels, spot, guess| {
-            let light = surfels.radiance(spot, guess);
+            let black = SpotLight { radiance: Vec3::ZERO, even: true };
+            let light = if dark[spot.material as usize] { black } else { surfels.radiance(spot, guess) };
             light.radiance.extend(if light.even { 0.0 } else { COARSE * spot.spacing })
         });
         Self { charts, samples }
@@ -122,6 +124,17 @@ fn resample<T: Send>(
     };
     let samples = (0..charts.as_slice().len()).into_par_iter().flat_map_iter(of_chart).collect();
     (charts, samples)
+}
+
+/// Materials none of whose surfels sends light, though there are some: lamps of many triangles mostly reflect nothing.
+fn dark_materials(scene: &Scene, cloud: &SurfelCloud) -> Vec<bool> {
+    let (mut there, mut bright) = (vec![false; scene.materials.len()], vec![false; scene.materials.len()]);
+    for (i, &material) in cloud.material.iter().enumerate() {
+        there[material as usize] = true;
+        let back = cloud.back_radiance.get(i).copied().unwrap_or_default();
+        bright[material as usize] |= cloud.radiance[i] != Vec3::ZERO || back != Vec3::ZERO;
+    }
+    there.into_iter().zip(bright).map(|(there, bright)| there && !bright).collect()
 }
 
 /// Mean area of the surfels on each primitive; where there are none, of all.

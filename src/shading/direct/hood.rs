@@ -56,6 +56,19 @@ impl<'a> Hood<'a> {
         self.visible.of_pixel(self.pixels[point] as usize).len() == 1 && self.visible.shares[point] == 1.0
     }
 
+    /// Whether a point's pixel and those on its four sides show nothing but the plane of the point.
+    pub fn is_flat(&self, view: &View, point: usize) -> bool {
+        let own = &self.visible.points[point];
+        let footprint = view.footprint(own.position);
+        let alike = |n: Neighbour| {
+            let other = &self.visible.points[n.point];
+            self.fills_pixel(n.point) && other.normal == own.normal && same_surface(own, other, footprint)
+        };
+        own.normal == own.shading_normal
+            && self.around(point).filter(|n| n.dx.abs() + n.dy.abs() <= 1.0).filter(|&n| alike(n)).count()
+                == 5
+    }
+
     /// Points on the same surface in the pixels around, one a pixel.
     pub fn neighbours(&self, view: &View, point: usize) -> impl Iterator<Item = Neighbour> {
         let own = &self.visible.points[point];

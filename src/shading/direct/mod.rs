@@ -86,7 +86,7 @@ impl<'a> Lit<'a> {
         let steep = shared::average(self, hood, light, &mut answers, &mut wide, rim);
         let refined = wide.len() + edges.len();
         let alone: Vec<u32> = edges.iter().copied().chain(steep.iter().map(|steep| steep.point)).collect();
-        own::average(self, light, &mut answers, &alone);
+        own::average(self, hood, light, &mut answers, &alone);
         own::smooth(self, hood, &mut answers, &steep);
         if !light.is_point() {
             own::settle(self, hood, &mut answers, &edges);

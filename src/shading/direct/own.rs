@@ -16,12 +16,9 @@ use rayon::prelude::*;
 const PLACES: u32 = 0x9_1ace;
 
 /// Finds the visibility at points by all the rays that they may have.
-pub fn average(lit: &Lit, light: LightAlone, answers: &mut Answers, points: &[u32]) {
-    let visible: Vec<f32> = points
-        .par_iter()
-        .with_min_len(16)
-        .map(|&i| visibility(lit, light, &lit.visible.points[i as usize]))
-        .collect();
+pub fn average(lit: &Lit, hood: &Hood, light: LightAlone, answers: &mut Answers, points: &[u32]) {
+    let visible: Vec<f32> =
+        points.par_iter().with_min_len(16).map(|&i| visibility(lit, hood, light, i as usize)).collect();
     points.iter().zip(visible).for_each(|(&i, visible)| answers.visible[i as usize] = visible);
 }
 
@@ -74,17 +71,24 @@ pub fn settle(lit: &Lit, hood: &Hood, answers: &mut Answers, edges: &[u32]) {
     edges.iter().zip(settled).for_each(|(&i, visible)| answers.visible[i as usize] = visible);
 }
 
-fn visibility(lit: &Lit, light: LightAlone, point: &ShadingPoint) -> f32 {
+fn visibility(lit: &Lit, hood: &Hood, light: LightAlone, i: usize) -> f32 {
+    let point = &lit.visible.points[i];
     let seen = if interrupt::requested() { None } else { light.seen_from(&lit_point(point)) };
     let Some(seen) = seen else {
         return 0.0;
     };
-    let tally = over_pixel(lit, light, &seen, point);
+    let tally = over_pixel(lit, light, &seen, point, hood.is_flat(lit.view, i));
     tally.ratio().or_else(|| at_point(lit, light, &seen, point).ratio()).unwrap_or(0.0)
 }
 
-/// Rays from where camera rays through the pixel meet the point's surface.
-fn over_pixel(lit: &Lit, light: LightAlone, seen: &LightSeen, point: &ShadingPoint) -> Visibility {
+/// Rays from where camera rays through the pixel meet the point's surface; where that is `flat`, nothing else is in their way.
+fn over_pixel(
+    lit: &Lit,
+    light: LightAlone,
+    seen: &LightSeen,
+    point: &ShadingPoint,
+    flat: bool,
+) -> Visibility {
     let mut tally = Visibility::default();
     if lit.view.samples == 1 {
         return tally;
@@ -94,8 +98,14 @@ fn over_pixel(lit: &Lit, light: LightAlone, seen: &LightSeen, point: &ShadingPoi
     let places = Sequence::new(settings.seed, point.stream, PLACES);
     let targets = Sequence::new(settings.seed, point.stream, light.number);
     for ray in 0..rays(lit, light) {
-        let place = view.trace_within(&scenery.accel, point.stream, places.point(ray));
-        if let Some(place) = place.filter(|place| same_surface(point, place, footprint)) {
+        let within = places.point(ray);
+        let place = match flat {
+            true => view.meet_within(point, within),
+            false => view
+                .trace_within(&scenery.accel, point.stream, within)
+                .filter(|place| same_surface(point, place, footprint)),
+        };
+        if let Some(place) = place {
             seen.trace(&lit_point(&place), targets.point(ray), &mut tally);
         }
     }

@@ -171,3 +171,23 @@ fn threads_change_nothing() {
     };
     assert_eq!(with(1), with(3));
 }
+
+#[test]
+fn flat_pixels_hold_the_places_that_rays_find() {
+    let over = square(DVec3::new(0.5, 0.0, 0.5), 0.3, 1.0, FLOOR);
+    let picture = Picture::new(vec![over], Vec::new(), 4);
+    let visible = picture.visible();
+    let hood = Hood::new(&visible);
+    let mut flat = 0;
+    for (i, point) in visible.points.iter().enumerate().filter(|&(i, _)| hood.is_flat(&picture.view, i)) {
+        let within = glam::Vec2::new(0.1 + 0.8 * (i % 7) as f32 / 7.0, 0.9);
+        let met = picture.view.meet_within(point, within).expect("no ray runs along the floor");
+        let traced =
+            picture.view.trace_within(&picture.world.accel, point.stream, within).expect("the floor");
+        assert!(met.position.distance(traced.position) < 1e-6, "{met:?} {traced:?}");
+        assert_eq!((met.normal, met.material), (traced.normal, traced.material));
+        flat += 1;
+    }
+    let pixels = (SIZE * SIZE) as usize;
+    assert!(flat > pixels / 2 && flat < pixels, "{flat} of {pixels} are flat; outlines are not");
+}

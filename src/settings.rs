@@ -49,7 +49,7 @@ pub enum Quality {
 impl Quality {
     /// The settings of that quality for a way of gathering. The Monte Carlo referee gathers at every shading point.
     pub fn settings(self, gather: GatherMethod) -> Settings {
-        let density = SurfelDensity::Count([4_000, 6_000, 10_000, 14_000][self as usize]);
+        let density = SurfelDensity::Count([3_000, 4_000, 6_000, 10_000][self as usize]);
         // A hemicube of 8 x 8 pixels a face is noisier than the rays of a traced gather: it takes more of them.
         let interpolate = match gather {
             GatherMethod::Traced => [0.04, 0.03, 0.015, 0.0075][self as usize],
@@ -65,9 +65,9 @@ impl Quality {
             light_samples: [4, 16, 32, 64][self as usize],
             gather_samples: match gather {
                 GatherMethod::MonteCarlo => 256,
-                _ => [64, 128, 256, 512][self as usize],
+                _ => [64, 96, 192, 512][self as usize],
             },
-            samples: [4, 16, 36, 64][self as usize],
+            samples: [8, 16, 36, 64][self as usize],
             ..Settings::default()
         }
     }

@@ -7,6 +7,7 @@ use crate::atomic_file::check_writable;
 use crate::error::{Error, Result};
 use crate::film::Aov;
 use crate::grade::Grade;
+use crate::heap::keep_freed_memory;
 use crate::image_io::{ImageFormat, write};
 use crate::measure::target::{Made, Search, Target};
 use crate::measure::verify::verify;
@@ -15,12 +16,15 @@ use crate::render::render_scene;
 use crate::run::Run;
 use crate::scene::{Camera, Scene};
 use crate::scenery::Scenery;
-use crate::settings::{GatherMethod, Settings};
+use crate::settings::{GatherMethod, Settings, SurfelDensity};
 use crate::shading::points::View;
 use crate::stats::{Section, Stage, Stats, Timeline};
 use clap::Args;
 use std::path::PathBuf;
 use std::time::Instant;
+
+/// Up to so many surfels, stages may keep the memory that they free for the next ones: what more of them need counts by the surfel.
+const FEW_SURFELS: u64 = 100_000;
 
 /// Options of `surflux render`.
 #[derive(Debug, Args)]
@@ -119,6 +123,9 @@ fn make(
     settings: Settings,
     run: &Run,
 ) -> Result<Made> {
+    if matches!(settings.density, SurfelDensity::Count(count) if count <= FEW_SURFELS) {
+        keep_freed_memory();
+    }
     let cloud = args.transport.cloud(&scenery.scene)?;
     let view = View::new(&scenery.scene, camera, args.width, args.height, settings.samples, settings.seed);
     let (world, film) = render_scene(scenery, cloud, &view, &settings, &args.aov, run)?;

@@ -151,6 +151,10 @@ impl<'a> Gathering<'a> {
 pub fn convolve(gathered: Gathered, convolver: &Convolver) -> Vec<Estimate> {
     match gathered.output {
         Output::Estimates(estimates) => estimates,
+        Output::Sums(sums) => {
+            let receivers = &gathered.batch.receivers;
+            sums.iter().zip(receivers).map(|(sums, receiver)| convolver.finish(sums, receiver)).collect()
+        }
         Output::Ids(atlas) => gathered
             .batch
             .receivers

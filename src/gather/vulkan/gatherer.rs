@@ -80,6 +80,7 @@ struct Flight {
     first_row: u32,
     layout: AtlasLayout,
     faces: Range<usize>,
+    wanted: Instant,
     started: Started,
 }
 
@@ -234,6 +235,7 @@ impl VulkanGatherer {
 
     /// Submits one pass over some rows of the youngest job.
     fn launch(&mut self, pass: usize, first_row: u32, layout: AtlasLayout) -> VkResult<()> {
+        let wanted = Instant::now();
         if self.free.is_empty() {
             self.land()?;
         }
@@ -251,6 +253,7 @@ impl VulkanGatherer {
             first_row,
             layout,
             faces: self.submits[pass].clone(),
+            wanted,
             started,
         });
         self.jobs.back_mut().into_iter().for_each(|job| job.pending += 1);
@@ -391,6 +394,7 @@ impl VulkanGatherer {
             hemicubes,
             bytes_up,
             bytes_down,
+            wanted: flight.wanted,
             begun,
             uploaded,
             recorded,

@@ -204,11 +204,13 @@ impl Bench<'_, '_> {
 
     fn finish(&mut self, under_way: &mut VecDeque<(Instant, Instant)>) -> Result<Option<Timed>> {
         let Some((begun, taken)) = under_way.pop_front() else { return Ok(None) };
+        let asked = Instant::now();
         let Some(gathered) = self.gatherer.finish()? else { return Ok(None) };
         let collected = Instant::now();
         let gathers = gathered.batch.receivers.len();
         std::hint::black_box(self.convolve(gathered));
-        let times = BatchTimes { begun, taken, submits: Vec::new(), collected, convolved: Instant::now() };
+        let (submits, convolved) = (Vec::new(), Instant::now());
+        let times = BatchTimes { begun, taken, submits, asked, collected, convolved };
         Ok(Some(Timed { gathers, times }))
     }
 

@@ -11,13 +11,14 @@ use std::path::{Path, PathBuf};
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
 /// Entry files and the variants that are compiled of each: output name and preprocessor definition.
-const VARIANTS: [(&str, &str, Option<&str>); 6] = [
+const VARIANTS: [(&str, &str, Option<&str>); 7] = [
     ("splat.vert", "splat_disc.vert.spv", None),
     ("splat.frag", "splat_disc.frag.spv", None),
     ("splat.vert", "splat_triangle.vert.spv", Some("TRIANGLE")),
     ("splat.frag", "splat_triangle.frag.spv", Some("TRIANGLE")),
     ("gather.comp", "gather_disc.comp.spv", None),
     ("gather.comp", "gather_triangle.comp.spv", Some("TRIANGLE")),
+    ("convolve.comp", "convolve.comp.spv", None),
 ];
 
 const STALE: &str = "the SPIR-V in shaders/spirv is older than its GLSL in shaders: rebuild it with `cargo build --features \

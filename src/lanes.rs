@@ -74,6 +74,8 @@ pub trait F32x8: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = S
     fn gt(self, o: Self) -> Self::Mask;
     /// `self <= o`.
     fn le(self, o: Self) -> Self::Mask;
+    /// Rows turned into columns: lane `i` of number `j` is number `j` of row `i`.
+    fn columns(rows: [&[f32; LANES]; LANES]) -> [Self; LANES];
 }
 
 /// Eight truth values.
@@ -164,6 +166,7 @@ impl F32x8 for Portable {
     #[inline(always)] fn floor(self) -> Self { lanewise!(Portable, |i| self.0[i].floor()) }
     #[inline(always)] fn gt(self, o: Self) -> PortableMask { lanewise!(PortableMask, |i| self.0[i] > o.0[i]) }
     #[inline(always)] fn le(self, o: Self) -> PortableMask { lanewise!(PortableMask, |i| self.0[i] <= o.0[i]) }
+    #[inline(always)] fn columns(rows: [&[f32; LANES]; LANES]) -> [Self; LANES] { std::array::from_fn(|j| lanewise!(Portable, |i| rows[i][j])) }
 }
 
 #[rustfmt::skip]
@@ -285,6 +288,40 @@ pub mod avx2 {
             let inverse = Self(intrinsic!(_mm256_rsqrt_ps(self.max(Self::splat(f32::MIN_POSITIVE)).0)));
             self * inverse * Self::splat(1.0005)
         }
+
+        #[inline(always)]
+        fn columns(rows: [&[f32; LANES]; LANES]) -> [Self; LANES] {
+            let left = transposed(halves(rows, 0));
+            let right = transposed(halves(rows, 4));
+            [left[0], left[1], left[2], left[3], right[0], right[1], right[2], right[3]]
+        }
+    }
+
+    /// Four numbers, from number `first` (0 or 4) on, of rows `i` and `i + 4` in register `i`.
+    #[inline(always)]
+    fn halves(rows: [&[f32; LANES]; LANES], first: usize) -> [__m256; 4] {
+        let [a, b, c, d, e, f, g, h] = rows;
+        [pair(a, e, first), pair(b, f, first), pair(c, g, first), pair(d, h, first)]
+    }
+
+    /// Four numbers, from number `first` (0 or 4) on, of either row.
+    #[inline(always)]
+    fn pair(low: &[f32; LANES], high: &[f32; LANES], first: usize) -> __m256 {
+        let (low, high) = (low[first..first + 4].as_ptr(), high[first..first + 4].as_ptr());
+        intrinsic!(_mm256_insertf128_ps::<1>(_mm256_castps128_ps256(_mm_loadu_ps(low)), _mm_loadu_ps(high)))
+    }
+
+    /// Transposes the 4 x 4 numbers in the lower halves of four registers, and those in the upper halves.
+    #[inline(always)]
+    fn transposed([a, b, c, d]: [__m256; 4]) -> [Avx2; 4] {
+        let (ab, cd) = (intrinsic!(_mm256_unpacklo_ps(a, b)), intrinsic!(_mm256_unpacklo_ps(c, d)));
+        let (ab_high, cd_high) = (intrinsic!(_mm256_unpackhi_ps(a, b)), intrinsic!(_mm256_unpackhi_ps(c, d)));
+        [
+            Avx2(intrinsic!(_mm256_shuffle_ps::<0x44>(ab, cd))),
+            Avx2(intrinsic!(_mm256_shuffle_ps::<0xee>(ab, cd))),
+            Avx2(intrinsic!(_mm256_shuffle_ps::<0x44>(ab_high, cd_high))),
+            Avx2(intrinsic!(_mm256_shuffle_ps::<0xee>(ab_high, cd_high))),
+        ]
     }
 
     #[rustfmt::skip]
@@ -325,5 +362,36 @@ pub mod avx2 {
     impl Mul for Avx2 {
         type Output = Self;
         #[inline(always)] fn mul(self, o: Self) -> Self { Self(intrinsic!(_mm256_mul_ps(self.0, o.0))) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Turns a table of numbers.
+    struct Turn<'a>(&'a [[f32; LANES]; LANES]);
+
+    impl LaneTask for Turn<'_> {
+        type Output = [[f32; LANES]; LANES];
+
+        #[inline(always)]
+        fn run<F: F32x8>(self) -> Self::Output {
+            let columns = F::columns(self.0.each_ref());
+            let mut turned = [[0.0; LANES]; LANES];
+            for (to, column) in turned.iter_mut().zip(columns) {
+                column.store(to);
+            }
+            turned
+        }
+    }
+
+    #[test]
+    fn rows_become_columns_in_either_make() {
+        let rows: [[f32; LANES]; LANES] =
+            std::array::from_fn(|i| std::array::from_fn(|j| (10 * i + j) as f32));
+        let turned: [[f32; LANES]; LANES] = std::array::from_fn(|j| std::array::from_fn(|i| rows[i][j]));
+        assert_eq!(run(Turn(&rows)), turned);
+        assert_eq!(Turn(&rows).run::<Portable>(), turned);
     }
 }

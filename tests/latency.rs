@@ -11,11 +11,12 @@ use std::process::Command;
 use std::time::Duration;
 use surflux::gather::stage::gather_all;
 use surflux::gather::vulkan::{Capabilities, MemoryPath, Route, VulkanGatherer, VulkanSettings};
-use surflux::gather::{Batch, Gatherer, Output};
+use surflux::gather::{Batch, Estimate, Gatherer, Output};
 use surflux::measure::latency::link::{BatchCost, SubmitCost, machines, play};
 use surflux::measure::latency::{Cell, Effort, Strategy, Subject, cornell_box};
 use surflux::run::Run;
 use surflux::settings::{Settings, SurfelDensity};
+use surflux::shading::indirect::convolve;
 
 fn subject(validation: bool) -> Subject {
     let description = cornell_box().unwrap();
@@ -23,6 +24,30 @@ fn subject(validation: bool) -> Subject {
         device: surflux::gather::device::DeviceRequest::Cpu,
         density: SurfelDensity::Count(2000),
         validation,
+        ..Settings::default()
+    };
+    let camera = description.camera.clone().unwrap();
+    Subject::new(&description, &camera, settings, &Run::default()).unwrap()
+}
+
+/// Sheets under an open sky: both of their sides are seen.
+fn open_subject() -> Subject {
+    const SHEETS: &str = "#version 3.7;
+        background { color rgb <0.5, 0.7, 1> }
+        camera { location <1, 2, -5> right x up y look_at <0, 0.5, 0> angle 50 }
+        light_source { <2, 4, -3> color rgb 1 }
+        #declare Matte = finish { ambient 0 diffuse 1 }
+        polygon { 4, <-3, 0, -3>, <3, 0, -3>, <3, 0, 3>, <-3, 0, 3> pigment { color rgb 0.8 } finish { Matte } }
+        polygon { 4, <-1, 0.2, 0>, <1, 0.2, 0>, <1, 2, 1>, <-1, 2, 1> pigment { color rgb 0.6 } finish { Matte } }
+        triangle { <-2, 0, -1>, <-2, 2, 0>, <-2, 0, 2> pigment { color rgb <0.9, 0.2, 0.1> } finish { Matte } }
+        ";
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("sheets.pov");
+    std::fs::write(&file, SHEETS).unwrap();
+    let description = surflux::scene::load(&[file]).unwrap();
+    let settings = Settings {
+        device: surflux::gather::device::DeviceRequest::Cpu,
+        density: SurfelDensity::Count(2000),
         ..Settings::default()
     };
     let camera = description.camera.clone().unwrap();
@@ -41,6 +66,43 @@ fn tiles(gatherer: &mut dyn Gatherer, batches: &[Batch]) -> Vec<Vec<u32>> {
     tiles
 }
 
+#[test]
+fn a_device_sums_up_what_the_host_would() {
+    let Some(index) = lavapipe() else { return };
+    for subject in [subject(false), open_subject()] {
+        let (convolver, batches) = (subject.world.convolver().with_census(), &subject.batches(64)[..4]);
+        let small = &subject.batches(16)[..16];
+        let gather = |strategy, size, batches: &[Batch]| {
+            let mut estimates = Vec::new();
+            let mut gatherer = subject.gatherer(strategy, size, index).unwrap();
+            gather_all(gatherer.as_mut(), batches.iter().cloned(), &Run::default(), |gathered| {
+                let summed = matches!(gathered.output, Output::Sums(_));
+                assert_eq!(summed, strategy.name().contains("summed"), "{}", strategy.name());
+                let (first, found) = (gathered.batch.first, convolve(gathered, &convolver));
+                estimates.resize(estimates.len().max(first + found.len()), Estimate::default());
+                estimates[first..first + found.len()].copy_from_slice(&found);
+                Ok(())
+            })
+            .unwrap();
+            estimates
+        };
+        let expected = gather(Strategy::atlas(Route::Compute, 1), 64, batches);
+        assert!(expected.iter().any(|estimate| estimate.irradiance.length() > 0.01), "there is light");
+        for route in [Route::Raster, Route::Compute] {
+            let found = gather(Strategy::summed(route, 1), 64, batches);
+            assert!(found == gather(Strategy::summed(route, 3), 16, small), "{route:?}: whatever the batch");
+            let near = |a: f32, b: f32| (a - b).abs() <= 2e-4 * b.abs() + 1e-6;
+            for (found, expected) in found.iter().zip(&expected) {
+                let light = (found.irradiance - expected.irradiance).length();
+                assert!(light <= 1e-5 * expected.irradiance.length() + 1e-7, "{found:?} for {expected:?}");
+                assert!(near(found.closeness, expected.closeness), "{found:?} for {expected:?}");
+                assert!(near(found.coverage.empty, expected.coverage.empty), "{found:?} for {expected:?}");
+                assert!(near(found.coverage.back, expected.coverage.back), "{found:?} for {expected:?}");
+            }
+        }
+    }
+}
+
 /// All strategies of a device, those that compare ways of memory too.
 fn strategies(index: usize) -> Vec<Strategy> {
     let device = Capabilities::of(index).unwrap();
@@ -57,7 +119,7 @@ fn every_strategy_and_way_of_memory_gives_the_same_ids() {
     let cpu = Strategy::Cpu { at_once: false };
     let expected = tiles(subject.gatherer(cpu, 64, 0).unwrap().as_mut(), batches);
     let strategies = strategies(index);
-    for strategy in &strategies {
+    for strategy in strategies.iter().filter(|strategy| !strategy.name().contains("summed")) {
         let mut gatherer = subject.gatherer(*strategy, 64, index).unwrap();
         assert!(tiles(gatherer.as_mut(), batches) == expected, "{}", strategy.name());
     }
@@ -88,6 +150,14 @@ fn validation_is_silent_on_every_way_of_memory() {
         drop(vulkan);
         assert_eq!(log.messages(), Vec::<String>::new(), "{route:?}, {memory:?}");
     }
+    for route in [Route::Raster, Route::Compute] {
+        let settings = VulkanSettings { route, validation: true, ..VulkanSettings::default() };
+        let mut vulkan = VulkanGatherer::summing(index, drawables, &subject.world.weights, settings).unwrap();
+        gather_all(&mut vulkan, batches.iter().cloned(), &Run::default(), |_| Ok(())).unwrap();
+        let log = vulkan.validation_log();
+        drop(vulkan);
+        assert_eq!(log.messages(), Vec::<String>::new(), "{route:?}, summed");
+    }
 }
 
 #[test]
@@ -106,8 +176,9 @@ fn the_parts_of_a_batch_add_up_to_its_wall_time() {
         assert!(cell.explained > 0.5 && cell.explained <= 1.0 + 1e-9, "{name}: {}", cell.explained);
         assert!(cell.parts.iter().all(|part| part.p5 >= 0.0 && part.p5 <= part.p99), "{name}: {cell:?}");
         if strategy.submits() > 0 {
-            let down = (cell.bytes[1] * strategy.submits() as u64).div_ceil(768);
-            assert_eq!(down, 64, "{name}: 768 bytes a hemicube");
+            let each = if name.contains("summed") { 32 } else { 768 };
+            let down = (cell.bytes[1] * strategy.submits() as u64).div_ceil(each);
+            assert_eq!(down, 64, "{name}: {each} bytes a hemicube");
         }
     }
 }

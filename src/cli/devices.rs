@@ -67,7 +67,8 @@ fn details(device: &Capabilities) -> String {
     if !missing.is_empty() {
         line("without", names(missing));
     }
-    line("strategy", format!("hemicubes are {drawn}, batches measured to take 50 ms at most"));
+    let summed = if device.sums() { ", and summed up there where no rays replace pixels" } else { "" };
+    line("strategy", format!("hemicubes are {drawn}{summed}; batches measured to take 50 ms at most"));
     line("", format!("{path}: {reason}"));
     text
 }

@@ -6,7 +6,7 @@ use super::crew::Crew;
 use super::device::{Choice, Chosen, choose};
 use super::monte_carlo::{MonteCarloGatherer, MonteCarloSettings};
 use super::traced::{TracedGatherer, TracedSettings};
-use super::vulkan::{BatchSize, DeviceKind, VulkanGatherer, VulkanSettings};
+use super::vulkan::{BatchSize, DeviceKind, VulkanGatherer, VulkanSettings, list_devices};
 use crate::accel::Accel;
 use crate::direct::Lights;
 use crate::error::{Error, Result};
@@ -92,18 +92,25 @@ pub fn create<'a>(
                 validation: settings.validation,
                 ..VulkanSettings::default()
             };
-            open_vulkan(index, drawables, vulkan)?
+            open_vulkan(index, drawables, convolver, vulkan)?
         }
     })
 }
 
-/// Opens a Vulkan device; a software driver that rasterises twice, where there are threads for it: it shades vertices on one
+/// Opens a Vulkan device. Hardware sums hemicubes up itself where nobody needs their ids, so that the host's cores are left to direct
+/// light. A software driver that rasterises is opened twice, where there are threads for it: it shades vertices on one
 /// thread a device, and that is most of its work.
 fn open_vulkan(
     index: usize,
     drawables: &Drawables,
+    convolver: Option<Convolver<'_>>,
     settings: VulkanSettings,
 ) -> Result<Box<dyn Gatherer + 'static>> {
+    let summed =
+        convolver.filter(|convolver| !convolver.sends_rays() && kind(index) != Some(DeviceKind::Cpu));
+    if let Some(convolver) = summed {
+        return Ok(Box::new(VulkanGatherer::summing(index, drawables, convolver.weights(), settings)?));
+    }
     let open = || VulkanGatherer::new(index, &drawables.splats, drawables.shape, settings);
     let first = open()?;
     if first.device().kind != DeviceKind::Cpu || first.computes() || rayon::current_num_threads() < 2 {
@@ -114,6 +121,11 @@ fn open_vulkan(
         Ok(second) => Ok(Box::new(Crew::new(vec![first, second]))),
         Err(_) => Ok(Box::new(first)),
     }
+}
+
+/// The kind of a Vulkan device, if there is one of that number.
+fn kind(index: usize) -> Option<DeviceKind> {
+    list_devices().ok()?.get(index).map(|device| device.kind)
 }
 
 fn cpu_batch(resolution: u32) -> usize {

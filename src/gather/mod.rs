@@ -16,6 +16,7 @@ use crate::error::{Error, Result};
 use crate::hemicube::atlas::IdAtlas;
 pub use crate::hemicube::frame::Estimate;
 use crate::hemicube::frame::{MAX_RESOLUTION, MIN_RESOLUTION, Receiver};
+use crate::hemicube::near_field::Sums;
 use submits::SubmitTimes;
 
 /// Receivers to be gathered in one go.
@@ -45,6 +46,8 @@ pub struct Group {
 pub enum Output {
     /// Hemicube tiles of surfel ids, tile `i` for receiver `i`; to be convolved.
     Ids(IdAtlas),
+    /// Sums over the pixels of hemicubes, receiver by receiver; to be finished.
+    Sums(Vec<Sums>),
     /// Irradiance and distances, receiver by receiver.
     Estimates(Vec<Estimate>),
 }

@@ -13,6 +13,8 @@ pub struct SubmitTimes {
     pub bytes_up: u64,
     /// Bytes that the device sent back.
     pub bytes_down: u64,
+    /// The host wanted to begin; from then on it waited for a submit before to make room.
+    pub wanted: Instant,
     /// The host began to write what the device reads.
     pub begun: Instant,
     /// All of that was written; the host began to record commands.

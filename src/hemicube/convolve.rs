@@ -1,17 +1,19 @@
 //! From the ids of a hemicube to the irradiance at its foot: E = pi sum(weight x radiance).
 
 use super::atlas::{EMPTY, IdAtlas};
-use super::frame::{Coverage, Estimate, FACES, Receiver, from_face, pixel_direction, rows};
+use super::frame::{Coverage, Estimate, FACES, Receiver, rows};
 use super::near_field::{Depths, Drawn, NearField, Sums};
+use super::tile_sums::TileSums;
 use super::weights::Weights;
 use crate::accel::RAY_OFFSET;
+use crate::lanes;
 use crate::surfel::cloud::FLAG_TWO_SIDED;
 use crate::surfel::drawable::Drawables;
 use glam::Vec3;
 use std::f32::consts::PI;
 
 /// Nothing is seen nearer than this is far.
-pub(super) const GREATEST_INVERSE_DEPTH: f32 = 1.0 / RAY_OFFSET;
+pub(crate) const GREATEST_INVERSE_DEPTH: f32 = 1.0 / RAY_OFFSET;
 
 /// More than this of the weight uncovered is no gap between discs.
 const WIDEST_GAPS: f32 = 0.1;
@@ -45,20 +47,14 @@ impl<'a> Convolver<'a> {
 
     /// Irradiance at the receiver of tile `i`, and how close what it sees is.
     pub fn estimate(&self, atlas: &IdAtlas, i: usize, receiver: &Receiver) -> Estimate {
-        let mut sums = Sums::default();
-        self.for_each_row(atlas, i, |ids, weights| {
-            for (&id, &w) in ids.iter().zip(weights).filter(|(id, _)| **id != EMPTY) {
-                sums.radiance += w * self.radiance(id, receiver);
-                sums.covered += w;
-                sums.back += w * self.back(id, receiver);
-            }
-        });
-        let depths = self.inverse_depths(atlas, i, receiver);
-        let by_length = (0..FACES).flat_map(|face| self.weights.closeness(face));
-        sums.closeness = depths.iter().zip(by_length).map(|(z, w)| z * w).sum();
-        if let Some(near) = &self.near {
-            sums += self.correction(near, atlas, i, receiver, &depths);
-        }
+        let Some(near) = &self.near else {
+            let sums = TileSums { convolver: self, atlas, tile: i, receiver, depths: None };
+            return self.finish(&lanes::run(sums), receiver);
+        };
+        let mut depths = Vec::with_capacity(self.weights.pixels());
+        let kept = Some(&mut depths);
+        let mut sums = lanes::run(TileSums { convolver: self, atlas, tile: i, receiver, depths: kept });
+        sums += self.correction(near, atlas, i, receiver, &depths);
         self.finish(&sums, receiver)
     }
 
@@ -85,8 +81,8 @@ impl<'a> Convolver<'a> {
         near.correct(receiver, self.weights, f32::INFINITY, of_face, drawn)
     }
 
-    /// The estimate from a hemicube's sums.
-    pub(super) fn finish(&self, sums: &Sums, receiver: &Receiver) -> Estimate {
+    /// The estimate from a hemicube's sums, which lack the background.
+    pub fn finish(&self, sums: &Sums, receiver: &Receiver) -> Estimate {
         let uncovered = (1.0 - sums.covered).max(0.0);
         let factor = self.gap_factor(receiver, uncovered);
         let background = if factor > 1.0 { Vec3::ZERO } else { self.background * uncovered };
@@ -119,35 +115,6 @@ impl<'a> Convolver<'a> {
         }
     }
 
-    /// Inverse depths of all pixels of tile `i`, face after face; 0 where nothing is.
-    fn inverse_depths(&self, atlas: &IdAtlas, i: usize, receiver: &Receiver) -> Vec<f32> {
-        let (n, frame) = (self.weights.resolution, receiver.frame());
-        let inv = 1.0 / n as f32;
-        let mut depths = Vec::with_capacity(self.weights.pixels());
-        for face in 0..FACES {
-            for y in 0..rows(face, n) {
-                depths.extend((0..).zip(atlas.row(face, i, y)).map(|(x, &id)| {
-                    if id == EMPTY {
-                        return 0.0;
-                    }
-                    let (u, v) = pixel_direction(face, x, y, inv);
-                    let direction = frame.to_world(from_face(face, Vec3::new(u, v, 1.0)));
-                    self.inverse_depth(id, direction, receiver.position)
-                }));
-            }
-        }
-        depths
-    }
-
-    /// Inverse depth of the drawable of that id where a pixel's ray meets its plane.
-    #[inline(always)]
-    fn inverse_depth(&self, id: u32, direction: Vec3, from: Vec3) -> f32 {
-        let splat = &self.drawables.splats[id as usize - 1];
-        let (position, normal) = (Vec3::from(splat.position), Vec3::from(splat.normal));
-        // At the edge of visibility rounding may differ from the rasteriser's: never NaN, never negative.
-        (normal.dot(direction) / normal.dot(position - from)).clamp(0.0, GREATEST_INVERSE_DEPTH)
-    }
-
     /// 1 where the id's drawable shows a black back to the receiver and that is counted, else 0.
     #[inline(always)]
     fn back(&self, id: u32, receiver: &Receiver) -> f32 {
@@ -162,10 +129,26 @@ impl<'a> Convolver<'a> {
     #[inline(always)]
     fn radiance(&self, id: u32, receiver: &Receiver) -> Vec3 {
         let drawable = id as usize - 1;
-        if self.drawables.closed && receiver.flags == 0 {
+        if self.sees_fronts_only(receiver) {
             self.drawables.radiance[drawable]
         } else {
             self.drawables.radiance_towards(drawable, receiver.position)
         }
+    }
+
+    /// Whether the receiver can see no drawable's back.
+    #[inline(always)]
+    pub(super) fn sees_fronts_only(&self, receiver: &Receiver) -> bool {
+        self.drawables.closed && receiver.flags == 0
+    }
+
+    /// The weights of its pixels.
+    pub fn weights(&self) -> &'a Weights {
+        self.weights
+    }
+
+    /// Whether rays replace pixels: that needs ids, and takes far longer than everything else.
+    pub fn sends_rays(&self) -> bool {
+        self.near.is_some()
     }
 }

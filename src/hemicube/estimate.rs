@@ -2,7 +2,7 @@
 //! ids that come back from a device.
 
 use super::convolve::{Convolver, GREATEST_INVERSE_DEPTH};
-use super::frame::{Estimate, FACES, Receiver};
+use super::frame::{Estimate, Receiver};
 use super::near_field::{Drawn, NearField, Sums};
 use super::raster::Raster;
 use crate::lanes::LANES;
@@ -12,8 +12,6 @@ use glam::{Vec3, Vec4, Vec4Swizzles};
 /// Turns the marks of a [`Raster`] into irradiance.
 pub struct Estimator<'a> {
     convolver: Convolver<'a>,
-    /// Pixel weights, and weights over directions' lengths, in the blocks of a [`Raster`]; 0 beyond the face.
-    blocks: Vec<[[f32; LANES]; 2]>,
 }
 
 /// What a cut's drawables look like, by mark (`SplatBlock::mark`).
@@ -32,17 +30,7 @@ pub struct LightByMark {
 impl<'a> Estimator<'a> {
     /// An estimator that finds what `convolver` finds.
     pub fn new(convolver: Convolver<'a>) -> Self {
-        let weights = convolver.weights;
-        let n = weights.resolution as usize;
-        let mut blocks = Vec::new();
-        for face in 0..FACES {
-            let rows = weights.face(face).chunks(n).zip(weights.closeness(face).chunks(n));
-            for (weights, closeness) in rows {
-                let pairs = weights.chunks(LANES).zip(closeness.chunks(LANES));
-                blocks.extend(pairs.map(|(weights, closeness)| [padded(weights), padded(closeness)]));
-            }
-        }
-        Self { convolver, blocks }
+        Self { convolver }
     }
 
     /// Looks up the light of a list of drawables.
@@ -76,10 +64,10 @@ impl<'a> Estimator<'a> {
         // Partial sums, because one would wait for each addition in turn.
         let mut sums = [Vec4::ZERO; 4];
         let mut closeness = [0.0; LANES];
-        for ((marks, depths), [weights, by_length]) in raster.blocks().zip(&self.blocks) {
+        for ((marks, depths), block) in raster.blocks().zip(self.convolver.weights.blocks()) {
             for i in 0..LANES {
-                sums[i % 4] += by_mark.light[marks[i] as usize] * weights[i];
-                closeness[i] += depths[i].min(GREATEST_INVERSE_DEPTH) * by_length[i];
+                sums[i % 4] += by_mark.light[marks[i] as usize] * block.weights[i];
+                closeness[i] += depths[i].min(GREATEST_INVERSE_DEPTH) * block.closeness[i];
             }
         }
         let sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
@@ -103,8 +91,8 @@ impl<'a> Estimator<'a> {
         }
         let pixels = raster
             .blocks()
-            .zip(&self.blocks)
-            .flat_map(|((marks, _), [weights, _])| marks.iter().zip(weights));
+            .zip(self.convolver.weights.blocks())
+            .flat_map(|((marks, _), block)| marks.iter().zip(&block.weights));
         pixels.map(|(&mark, &weight)| by_mark.back[mark as usize] * weight).sum()
     }
 
@@ -124,8 +112,4 @@ impl<'a> Estimator<'a> {
         let depths = |face: usize| raster.depths(face);
         near.correct(receiver, self.convolver.weights, by_mark.furthest, depths, drawn)
     }
-}
-
-fn padded(values: &[f32]) -> [f32; LANES] {
-    std::array::from_fn(|i| values.get(i).copied().unwrap_or(0.0))
 }

@@ -13,4 +13,5 @@ pub mod local;
 pub mod near_field;
 pub mod raster;
 pub mod splats;
+mod tile_sums;
 pub mod weights;

@@ -2,6 +2,7 @@
 //! midpoint "delta form factors"; those sum to 1 + 0.54/N^2, these to 1).
 
 use super::frame::{FACES, pixel_direction, rows};
+use crate::lanes::LANES;
 use std::f64::consts::PI;
 
 /// Weights of all pixels of one hemicube. They sum to 1.
@@ -18,6 +19,18 @@ pub struct Weights {
     top_closeness: Vec<f32>,
     /// The same for a side face.
     side_closeness: Vec<f32>,
+    blocks: Vec<Block>,
+}
+
+/// Eight pixels of a row.
+#[derive(Debug, Clone, Copy)]
+pub struct Block {
+    /// Weights; 0 beyond the face.
+    pub weights: [f32; LANES],
+    /// Weights over the lengths of the pixels' directions; 0 beyond the face.
+    pub closeness: [f32; LANES],
+    /// The pixels' directions along the row.
+    pub u: [f32; LANES],
 }
 
 impl Weights {
@@ -40,7 +53,27 @@ impl Weights {
         }
         let (top_closeness, side_closeness) =
             (over_length(0, &top, resolution), over_length(1, &side, resolution));
-        Self { resolution, top, side, top_closeness, side_closeness }
+        let mut weights = Self { resolution, top, side, top_closeness, side_closeness, blocks: Vec::new() };
+        weights.blocks = (0..FACES).flat_map(|face| weights.blocks_of(face)).collect();
+        weights
+    }
+
+    fn blocks_of(&self, face: usize) -> Vec<Block> {
+        let n = self.resolution as usize;
+        let inv = 1.0 / self.resolution as f32;
+        let block = |y: usize, x: usize| {
+            let range = y * n + x..y * n + n.min(x + LANES);
+            let u = std::array::from_fn(|i| pixel_direction(face, (x + i) as u32, y as u32, inv).0);
+            let (weights, closeness) = (&self.face(face)[range.clone()], &self.closeness(face)[range]);
+            Block { weights: padded(weights), closeness: padded(closeness), u }
+        };
+        let rows = 0..rows(face, self.resolution) as usize;
+        rows.flat_map(|y| (0..n).step_by(LANES).map(move |x| (y, x))).map(|(y, x)| block(y, x)).collect()
+    }
+
+    /// All faces' rows in turn, in blocks of eight pixels from the left.
+    pub fn blocks(&self) -> &[Block] {
+        &self.blocks
     }
 
     /// The weights of a face, row-major.
@@ -62,6 +95,10 @@ impl Weights {
     pub fn pixels(&self) -> usize {
         (0..FACES).map(|f| (rows(f, self.resolution) * self.resolution) as usize).sum()
     }
+}
+
+fn padded(values: &[f32]) -> [f32; LANES] {
+    std::array::from_fn(|i| values.get(i).copied().unwrap_or(0.0))
 }
 
 /// Divides a face's weights by the lengths of its pixels' directions.

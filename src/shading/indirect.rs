@@ -23,6 +23,11 @@ use std::cell::RefCell;
 /// Receivers ordered at a time: enough to find neighbours, few enough to bound memory and to keep the device busy early.
 const CHUNK: usize = 1 << 16;
 
+/// Hemicubes that a worker convolves without asking another for help: fewer take less time than waking one does.
+const CONVOLVED_AT_ONCE: usize = 256;
+/// The same where rays replace pixels.
+const RAYS_AT_ONCE: usize = 16;
+
 /// Indirect light of visible points, in their order.
 #[derive(Debug, Clone, Default)]
 pub struct IndirectLight {
@@ -152,11 +157,15 @@ pub fn reflects(scene: &Scene, point: &ShadingPoint) -> bool {
 pub fn convolve(gathered: Gathered, convolver: &Convolver) -> Vec<Estimate> {
     match gathered.output {
         Output::Estimates(estimates) => estimates,
+        Output::Sums(sums) => {
+            let receivers = &gathered.batch.receivers;
+            sums.iter().zip(receivers).map(|(sums, receiver)| convolver.finish(sums, receiver)).collect()
+        }
         Output::Ids(atlas) => gathered
             .batch
             .receivers
             .par_iter()
-            .with_min_len(16)
+            .with_min_len(if convolver.sends_rays() { RAYS_AT_ONCE } else { CONVOLVED_AT_ONCE })
             .enumerate()
             .map(|(i, receiver)| convolver.estimate(&atlas, i, receiver))
             .collect(),

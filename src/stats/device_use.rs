@@ -78,6 +78,7 @@ mod tests {
             hemicubes: 1,
             bytes_up: 0,
             bytes_down: 0,
+            wanted: zero,
             begun: zero,
             uploaded: zero,
             recorded: zero,

@@ -169,6 +169,7 @@ mod tests {
                 hemicubes: 7,
                 bytes_up: 0,
                 bytes_down: 0,
+                wanted: at(0),
                 begun: at(0),
                 uploaded: at(1),
                 recorded: at(2),

@@ -97,6 +97,11 @@ impl Capabilities {
         if self.computes && self.kind == DeviceKind::Cpu { Route::Compute } else { Route::Raster }
     }
 
+    /// Whether it sums hemicubes up itself where nobody needs their ids: a software driver would only do the host's work more slowly.
+    pub fn sums(&self) -> bool {
+        self.kind != DeviceKind::Cpu
+    }
+
     /// The way of ids to the host that suits the device, and why.
     pub fn memory_path(&self) -> (MemoryPath, &'static str) {
         memory::suitable(&self.memory_types, self.import, self.route() == Route::Compute)

@@ -342,6 +342,18 @@ fn pipeline(
     cache: &PipelineCache,
 ) -> VkResult<Owned<vk::Pipeline>> {
     let module = shader_module(context, "gather.comp", shader(shape))?;
+    compute_pipeline(context, "hemicubes", &module, constants, layout, cache)
+}
+
+/// A compute pipeline of a module whose specialisation constants are these, from number 0 on.
+pub(super) fn compute_pipeline(
+    context: &Arc<Context>,
+    name: &str,
+    module: &Owned<vk::ShaderModule>,
+    constants: &[u32],
+    layout: vk::PipelineLayout,
+    cache: &PipelineCache,
+) -> VkResult<Owned<vk::Pipeline>> {
     let entry = |i| vk::SpecializationMapEntry { constant_id: i as u32, offset: 4 * i as u32, size: 4 };
     let entries: Vec<_> = (0..constants.len()).map(entry).collect();
     let specialization =
@@ -355,5 +367,5 @@ fn pipeline(
     // SAFETY: everything that `info` points to lives until the call returns; the module may go once the pipeline exists.
     let made = unsafe { context.device.create_compute_pipelines(cache.handle.raw, &[info], None) };
     let raw = made.map_err(|(_, result)| result)?.into_iter().next();
-    Ok(Owned::new(context, "hemicubes", raw.ok_or(vk::Result::ERROR_INITIALIZATION_FAILED)?))
+    Ok(Owned::new(context, name, raw.ok_or(vk::Result::ERROR_INITIALIZATION_FAILED)?))
 }

@@ -4,14 +4,15 @@ use super::capabilities::memory_type;
 use super::clock::DeviceClock;
 use super::compute::{Computing, write_tasks};
 use super::context::{Context, out_of_memory};
+use super::convolve::{Convolve, FOUND, sums};
 use super::devices::{DeviceInfo, DeviceKind};
 use super::draws::{Draws, splats_drawn};
 use super::memory::{self, MemoryPath};
 use super::pace::{InFlight, Pace};
 use super::readback::Readback;
-use super::record::{Drawing, copy, copy_computed, draw, record};
+use super::record::{COPY, Drawing, SHADER, Writer, copy, copy_computed, draw, record, show_host};
 use super::route::{Attachment, Method};
-use super::settings::{BatchSize, GatherStats, VulkanSettings};
+use super::settings::{BatchSize, FacesPerPass, GatherStats, VulkanSettings};
 use super::slot::{Gear, Slot, slots};
 use super::validation::ValidationLog;
 use super::vertices::{SplatBuffers, tile_parts, write_instances};
@@ -19,7 +20,10 @@ use crate::error::{Error, Result};
 use crate::gather::submits::SubmitTimes;
 use crate::gather::{Batch, Gathered, Gatherer, Output, check_resolution};
 use crate::hemicube::atlas::{AtlasLayout, IdAtlas};
+use crate::hemicube::near_field::Sums;
+use crate::hemicube::weights::Weights;
 use crate::surfel::cloud::{Splat, SurfelShape};
+use crate::surfel::drawable::Drawables;
 use ash::prelude::VkResult;
 use ash::vk;
 use std::collections::VecDeque;
@@ -54,15 +58,16 @@ pub struct VulkanGatherer {
     /// Faces of each submit that some rows of tiles take.
     submits: Vec<Range<usize>>,
     method: Method,
+    convolve: Option<Convolve>,
     splats: SplatBuffers,
     log: ValidationLog,
     context: Arc<Context>,
 }
 
-/// A batch that was handed in; its ids come from one or more submits.
+/// A batch that was handed in; its output comes from one or more submits.
 struct Job {
     batch: Batch,
-    atlas: IdAtlas,
+    output: Output,
     pending: usize,
     /// Surfels that a hemicube draws on average.
     splats: f64,
@@ -75,6 +80,7 @@ struct Flight {
     first_row: u32,
     layout: AtlasLayout,
     faces: Range<usize>,
+    wanted: Instant,
     started: Started,
 }
 
@@ -95,6 +101,30 @@ impl VulkanGatherer {
     /// # Errors
     /// When a setting is out of range, or the device cannot be opened or has too little memory for a single hemicube.
     pub fn new(index: usize, splats: &[Splat], shape: SurfelShape, settings: VulkanSettings) -> Result<Self> {
+        Self::open(index, splats, shape, None, settings)
+    }
+
+    /// The same with the light of the surfels: what comes back are sums over the pixels of hemicubes, made on the device. Where it
+    /// cannot, because it draws face by face or has no room for the light, ids come back nevertheless.
+    ///
+    /// # Errors
+    /// As [`VulkanGatherer::new`].
+    pub fn summing(
+        index: usize,
+        drawables: &Drawables,
+        weights: &Weights,
+        settings: VulkanSettings,
+    ) -> Result<Self> {
+        Self::open(index, &drawables.splats, drawables.shape, Some((drawables, weights)), settings)
+    }
+
+    fn open(
+        index: usize,
+        splats: &[Splat],
+        shape: SurfelShape,
+        light: Option<(&Drawables, &Weights)>,
+        settings: VulkanSettings,
+    ) -> Result<Self> {
         check_resolution(settings.resolution)?;
         let log = ValidationLog::default();
         let context = Context::new(index, settings.validation.then_some(&log))?;
@@ -103,11 +133,18 @@ impl VulkanGatherer {
         let buffers = SplatBuffers::new(&context, splats, shape, method.usages().surfels)
             .map_err(|result| context.error("copying the surfels", result))?;
         let memory = memory_path(&context, &method, settings.memory)?;
+        let whole = settings.faces == FacesPerPass::All && Convolve::fits(&context, splats.len());
+        let convolve = light
+            .filter(|_| whole && !splats.is_empty())
+            .map(|(drawables, weights)| Convolve::new(&context, drawables, weights))
+            .transpose()
+            .map_err(|result| context.error("building the convolution", result))?;
         let gear = Gear {
             context: &context,
             method: &method,
             surfels: &buffers,
             parts: parts.len(),
+            convolve: convolve.as_ref(),
             memory: memory.0,
         };
         let (slots, largest) =
@@ -139,6 +176,7 @@ impl VulkanGatherer {
             slots,
             submits: method.submits(),
             method,
+            convolve,
             splats: buffers,
             log,
             context,
@@ -197,6 +235,7 @@ impl VulkanGatherer {
 
     /// Submits one pass over some rows of the youngest job.
     fn launch(&mut self, pass: usize, first_row: u32, layout: AtlasLayout) -> VkResult<()> {
+        let wanted = Instant::now();
         if self.free.is_empty() {
             self.land()?;
         }
@@ -214,6 +253,7 @@ impl VulkanGatherer {
             first_row,
             layout,
             faces: self.submits[pass].clone(),
+            wanted,
             started,
         });
         self.jobs.back_mut().into_iter().for_each(|job| job.pending += 1);
@@ -250,8 +290,14 @@ impl VulkanGatherer {
     fn upload(&mut self, slot: usize, first: usize, layout: AtlasLayout) -> VkResult<(usize, Draws)> {
         let Some(Job { batch, .. }) = self.jobs.back() else { return Ok((0, Draws::default())) };
         let (context, parts) = (&self.context, self.parts.len());
-        let gear =
-            Gear { context, method: &self.method, surfels: &self.splats, parts, memory: self.memory.0 };
+        let gear = Gear {
+            context,
+            method: &self.method,
+            surfels: &self.splats,
+            parts,
+            convolve: self.convolve.as_ref(),
+            memory: self.memory.0,
+        };
         let slot = &mut self.slots[slot];
         let range = first..batch.receivers.len().min(first + layout.capacity());
         let receivers = &batch.receivers[range.clone()];
@@ -265,6 +311,7 @@ impl VulkanGatherer {
             Method::Raster(_) => write_instances(&mut slot.hemicubes, receivers, layout, &self.parts),
             Method::Compute(_) => write_tasks(&mut slot.hemicubes, receivers, &draws),
         }
+        slot.convolving.iter_mut().for_each(|convolving| convolving.write_feet(receivers));
         Ok((receivers.len(), draws))
     }
 
@@ -289,16 +336,33 @@ impl VulkanGatherer {
                     draws,
                     layout,
                 };
-                record(context, slot, || draw(context, slot, &drawing), || copy(context, slot, &drawing))
+                let begin = || draw(context, slot, &drawing);
+                record(context, slot, begin, || {
+                    copy(context, slot, &drawing);
+                    if !self.sum_up(slot, (hemicubes, layout), COPY) {
+                        show_host(context, slot, COPY);
+                    }
+                })
             }
             (Method::Compute(compute), Attachment::Bindings(bindings)) => {
                 let computing = Computing { bindings, ids: slot.drawn_into(), draws, hemicubes, layout };
                 let compute = || compute.record(context, slot.commands, &computing);
-                record(context, slot, compute, || copy_computed(context, slot, 4 * layout.texels()))
+                record(context, slot, compute, || {
+                    if !self.sum_up(slot, (hemicubes, layout), SHADER) {
+                        copy_computed(context, slot, 4 * layout.texels());
+                    }
+                })
             }
             // A slot's attachment is its method's.
             _ => Ok(()),
         }
+    }
+
+    /// Records the sums over ids that `writer` wrote, if sums are wanted; tells whether they are.
+    fn sum_up(&self, slot: &Slot, tiles: (usize, AtlasLayout), writer: Writer) -> bool {
+        let (Some(convolve), Some(convolving)) = (&self.convolve, &slot.convolving) else { return false };
+        convolve.record(&self.context, slot.commands, convolving, tiles, writer);
+        true
     }
 
     /// Waits for the oldest submit and puts its ids where they belong.
@@ -318,7 +382,11 @@ impl VulkanGatherer {
         slot.readback.refresh()?;
         let job = &mut self.jobs[flight.job - self.jobs_done];
         job.pending -= 1;
-        let bytes_down = read(&slot.readback, &flight, &mut job.atlas);
+        let bytes_down = match &mut job.output {
+            Output::Ids(atlas) => read(&slot.readback, &flight, atlas),
+            Output::Sums(all) => read_sums(&slot.readback, &flight, all),
+            Output::Estimates(_) => 0,
+        };
         let (queue, read) = (0, Instant::now());
         let splats = flight.layout.capacity() as f64 * job.splats;
         let times = SubmitTimes {
@@ -326,6 +394,7 @@ impl VulkanGatherer {
             hemicubes,
             bytes_up,
             bytes_down,
+            wanted: flight.wanted,
             begun,
             uploaded,
             recorded,
@@ -381,7 +450,11 @@ impl Gatherer for VulkanGatherer {
         let hemicubes = batch.receivers.len();
         let splats = splats_drawn(&batch, self.splats.count) / hemicubes.max(1) as f64;
         let layout = self.layout(hemicubes, splats);
-        self.jobs.push_back(Job { batch, atlas: IdAtlas::empty(layout), pending: 0, splats });
+        let output = match self.convolve {
+            None => Output::Ids(IdAtlas::empty(layout)),
+            Some(_) => Output::Sums(Vec::with_capacity(hemicubes)),
+        };
+        self.jobs.push_back(Job { batch, output, pending: 0, splats });
         self.start(layout).map_err(|result| self.failed(result))?;
         self.stats.batches += 1;
         self.stats.hemicubes += hemicubes as u64;
@@ -394,7 +467,7 @@ impl Gatherer for VulkanGatherer {
         }
         let Some(job) = self.jobs.pop_front() else { return Ok(None) };
         self.jobs_done += 1;
-        Ok(Some(Gathered { batch: job.batch, output: Output::Ids(job.atlas) }))
+        Ok(Some(Gathered { batch: job.batch, output: job.output }))
     }
 
     fn take_submits(&mut self) -> Vec<SubmitTimes> {
@@ -403,10 +476,11 @@ impl Gatherer for VulkanGatherer {
 
     fn strategy(&self) -> String {
         let drawn = if self.method.computes() { "computed" } else { "rasterised" };
+        let summed = if self.convolve.is_some() { " and summed up by the device" } else { "" };
         let (path, reason) = self.memory;
         let (size, most) = (self.batch_size(), self.slots.len());
         format!(
-            "hemicubes are {drawn}, up to {size} a batch and up to {most} batches under way at once; {path}: {reason}"
+            "hemicubes are {drawn}{summed}, up to {size} a batch and up to {most} batches under way at once; {path}: {reason}"
         )
     }
 }
@@ -431,6 +505,14 @@ impl Drop for VulkanGatherer {
         // nothing.
         let _ = unsafe { self.context.device.device_wait_idle() };
     }
+}
+
+/// Appends the sums of a submit to those of its batch, whose submits land in order; returns the number of bytes.
+fn read_sums(readback: &Readback, flight: &Flight, all: &mut Vec<Sums>) -> u64 {
+    let mut found = vec![0; FOUND * flight.started.hemicubes];
+    readback.read(0, &mut found);
+    all.extend(sums(&found));
+    4 * found.len() as u64
 }
 
 /// Copies the ids of a submit to their rows in the whole batch's atlas; returns the number of bytes.

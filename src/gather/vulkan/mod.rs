@@ -19,6 +19,7 @@
 //! | `route.rs` | the two routes, and which a device takes |
 //! | `vertices.rs`, `pass.rs`, `targets.rs` | the raster route: what the shaders read, render pass and pipeline, images |
 //! | `compute.rs` | the compute route: pipeline, bindings, dispatches |
+//! | `convolve.rs` | sums over hemicubes on the device, where nobody needs their ids |
 //! | `slot.rs`, `record.rs` | what one frame in flight owns; its commands |
 //! | `pipeline_cache.rs` | compiled pipelines, kept between runs |
 //! | `draws.rs` | which surfels each hemicube draws |
@@ -28,13 +29,14 @@
 //!
 //! **Synchronisation.** One queue. A slot is used again only after its fence; inside a submit, the render pass's outgoing
 //! dependency orders drawing before the copy, and one barrier makes the copy visible to the host. On the compute route a barrier
-//! follows every dispatch: for the next one, or for the host.
+//! follows every dispatch: for the next one, for the sums, or for the host.
 
 mod buffers;
 mod capabilities;
 mod clock;
 mod compute;
 mod context;
+mod convolve;
 mod devices;
 mod draws;
 mod gatherer;

@@ -152,6 +152,7 @@ mod tests {
             hemicubes: 1,
             bytes_up: 0,
             bytes_down: 0,
+            wanted: at(begun),
             begun: at(begun),
             uploaded: at(begun),
             recorded: at(begun),

@@ -1,4 +1,4 @@
-//! The commands of one submit: draw all hemicubes, copy their ids into the readback buffer.
+//! The commands of one submit: draw all hemicubes, copy their ids into the readback buffer or sum them up into it.
 
 use super::buffers::visible;
 use super::context::Context;
@@ -128,7 +128,15 @@ fn draw_splats(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
     }
 }
 
-/// One copy packs the used part of every drawn layer into the readback buffer; then the host may read it.
+/// A stage, and how it accessed what it wrote.
+pub(super) type Writer = (vk::PipelineStageFlags, vk::AccessFlags);
+
+/// The writer of copies.
+pub(super) const COPY: Writer = (vk::PipelineStageFlags::TRANSFER, vk::AccessFlags::TRANSFER_WRITE);
+/// The writer of computed ids.
+pub(super) const SHADER: Writer = (vk::PipelineStageFlags::COMPUTE_SHADER, vk::AccessFlags::SHADER_WRITE);
+
+/// One copy packs the used part of every drawn layer into the slot's buffer of ids.
 pub(super) fn copy(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
     let regions = regions(drawing);
     // SAFETY: the command buffer is recording, outside a render pass; the pass left the image in this layout, and the
@@ -138,31 +146,28 @@ pub(super) fn copy(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
             slot.commands,
             drawing.targets.ids.raw(),
             vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
-            slot.readback.raw(),
+            slot.drawn_into(),
             &regions,
         );
     }
-    show_host(context, slot, (vk::PipelineStageFlags::TRANSFER, vk::AccessFlags::TRANSFER_WRITE));
 }
 
 /// Copies `bytes` of computed ids into the readback buffer, where they were not computed into it; then the host may read it.
 pub(super) fn copy_computed(context: &Context, slot: &Slot, bytes: usize) {
-    let shader = (vk::PipelineStageFlags::COMPUTE_SHADER, vk::AccessFlags::SHADER_WRITE);
-    let Some(ids) = &slot.ids else { return show_host(context, slot, shader) };
-    let transfer = vk::PipelineStageFlags::TRANSFER;
-    let finished = [visible(ids.raw(), shader.1, vk::AccessFlags::TRANSFER_READ)];
+    let Some(ids) = &slot.ids else { return show_host(context, slot, SHADER) };
+    let finished = [visible(ids.raw(), SHADER.1, vk::AccessFlags::TRANSFER_READ)];
     let regions = [vk::BufferCopy::default().size(bytes as u64)];
     let (device, none) = (&context.device, vk::DependencyFlags::empty());
     // SAFETY: the command buffer is recording; both buffers hold a whole atlas.
     unsafe {
-        device.cmd_pipeline_barrier(slot.commands, shader.0, transfer, none, &[], &finished, &[]);
+        device.cmd_pipeline_barrier(slot.commands, SHADER.0, COPY.0, none, &[], &finished, &[]);
         device.cmd_copy_buffer(slot.commands, ids.raw(), slot.readback.raw(), &regions);
     }
-    show_host(context, slot, (transfer, vk::AccessFlags::TRANSFER_WRITE));
+    show_host(context, slot, COPY);
 }
 
 /// Lets the host see the readback buffer after a stage that wrote it.
-fn show_host(context: &Context, slot: &Slot, (stage, access): (vk::PipelineStageFlags, vk::AccessFlags)) {
+pub(super) fn show_host(context: &Context, slot: &Slot, (stage, access): Writer) {
     let seen = [visible(slot.readback.raw(), access, vk::AccessFlags::HOST_READ)];
     let (host, none) = (vk::PipelineStageFlags::HOST, vk::DependencyFlags::empty());
     // SAFETY: the command buffer is recording, outside a render pass.

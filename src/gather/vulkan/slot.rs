@@ -2,6 +2,7 @@
 
 use super::buffers::{Buffer, command_buffer};
 use super::context::{Context, out_of_memory};
+use super::convolve::{Convolve, Convolving, FOUND};
 use super::devices::DeviceKind;
 use super::memory::MemoryPath;
 use super::owned::Owned;
@@ -50,7 +51,11 @@ fn bytes_per_hemicube(gear: &Gear<'_>, resolution: u32) -> u64 {
         Method::Compute(_) if gear.memory == MemoryPath::Mapped => 0,
         Method::Compute(_) => 3 * 4 * texels,
     };
-    images + 3 * 4 * texels + gear.method.hemicube_bytes(gear.parts) as u64
+    let read = match gear.convolve {
+        None => 3 * 4 * texels,
+        Some(_) => 3 * 4 * texels + Convolving::BYTES,
+    };
+    images + read + gear.method.hemicube_bytes(gear.parts) as u64
 }
 
 /// Hemicubes a slot: as many as wanted, within the memory budget and the device's limits.
@@ -67,7 +72,8 @@ fn wanted_batch(gear: &Gear<'_>, settings: &VulkanSettings) -> usize {
     };
     let budget = settings.memory_budget.unwrap_or(context.memory_bytes / 4);
     let each = bytes_per_hemicube(gear, settings.resolution) * settings.slots() as u64;
-    let most = gear.method.most_hemicubes(context, settings.resolution);
+    let summed = gear.convolve.map_or(usize::MAX, |_| Convolve::most_hemicubes(context, settings.resolution));
+    let most = gear.method.most_hemicubes(context, settings.resolution).min(summed);
     wanted.min(most).min((budget / each) as usize).max(1)
 }
 
@@ -96,7 +102,9 @@ pub(super) struct Gear<'a> {
     pub surfels: &'a SplatBuffers,
     /// Parts in which the raster route draws a hemicube.
     pub parts: usize,
-    /// The way of ids to the host; not the automatic one.
+    /// What sums hemicubes up on the device, where only sums are wanted.
+    pub convolve: Option<&'a Convolve>,
+    /// The way of ids, or sums, to the host; not the automatic one.
     pub memory: MemoryPath,
 }
 
@@ -109,11 +117,13 @@ pub(super) struct Slot {
     pub hemicubes: Buffer,
     /// Indices of the surfels that each group draws, and one more that stands for none.
     pub cuts: Buffer,
-    /// Whether ids are copied into the readback buffer; else they are drawn into it.
+    /// Whether ids are copied into the readback buffer; else they are drawn into it, or summed up into it.
     pub copies: bool,
-    /// What the ids are computed into, where that is not the readback buffer.
+    /// What the ids are drawn into, where that is a buffer, but not the readback buffer.
     pub ids: Option<Buffer>,
-    /// The packed atlas.
+    /// What sums them up there.
+    pub convolving: Option<Convolving>,
+    /// The packed atlas, or the sums.
     pub readback: Readback,
     /// The commands.
     pub commands: vk::CommandBuffer,
@@ -127,21 +137,32 @@ pub(super) struct Slot {
 impl Slot {
     /// Takes everything that drawing an atlas of this layout needs.
     fn new(gear: &Gear<'_>, layout: AtlasLayout) -> VkResult<Self> {
-        let Gear { context, method, surfels, parts, memory } = *gear;
+        let Gear { context, method, surfels, parts, convolve, memory } = *gear;
         let Usages { hemicubes, cuts, ids, .. } = method.usages();
         let bytes = layout.capacity() * method.hemicube_bytes(parts);
         let hemicubes = Buffer::new(context, "hemicubes", bytes, hemicubes, MemoryLocation::CpuToGpu)?;
         let bytes = 4 * layout.texels();
-        let copies = memory != MemoryPath::Mapped;
-        let usage = if copies { vk::BufferUsageFlags::TRANSFER_DST } else { ids };
-        let readback = Readback::new(context, bytes, usage, memory)?;
-        let apart = method.computes() && copies;
-        let ids = ids | vk::BufferUsageFlags::TRANSFER_SRC;
+        let copies = memory != MemoryPath::Mapped && convolve.is_none();
+        let readback = match convolve {
+            None if copies => Readback::new(context, bytes, vk::BufferUsageFlags::TRANSFER_DST, memory)?,
+            None => Readback::new(context, bytes, ids, memory)?,
+            Some(_) => {
+                let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
+                Readback::new(context, 4 * FOUND * layout.capacity(), usage, memory)?
+            }
+        };
+        let apart = convolve.is_some() || method.computes() && copies;
+        let read =
+            convolve.map_or(vk::BufferUsageFlags::TRANSFER_SRC, |_| vk::BufferUsageFlags::STORAGE_BUFFER);
+        let ids = ids | read;
         let ids =
             apart.then(|| Buffer::new(context, "ids", bytes, ids, MemoryLocation::GpuOnly)).transpose()?;
         let cuts = cut_buffer(context, FIRST_INDICES, cuts)?;
         let drawn = ids.as_ref().map_or(readback.raw(), Buffer::raw);
         let attachment = method.attachment(context, surfels, layout, [&hemicubes, &cuts], drawn)?;
+        let convolving = convolve
+            .map(|convolve| Convolving::new(context, convolve, layout.capacity(), drawn, readback.raw()))
+            .transpose()?;
         let (pool, commands) = command_buffer(context, "hemicubes")?;
         let fence = fence(context)?;
         let timer = context.timestamp_seconds.is_some().then(|| timer(context)).transpose()?;
@@ -152,6 +173,7 @@ impl Slot {
             cuts,
             copies,
             ids,
+            convolving,
             readback,
             commands,
             _pool: pool,
@@ -160,7 +182,7 @@ impl Slot {
         })
     }
 
-    /// The buffer that ids are computed into.
+    /// The buffer that ids are drawn or copied into.
     pub fn drawn_into(&self) -> vk::Buffer {
         self.ids.as_ref().map_or(self.readback.raw(), Buffer::raw)
     }

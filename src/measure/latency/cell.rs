@@ -108,18 +108,31 @@ impl Cell {
         self.counts[1] as f64 / self.counts[0].max(1) as f64
     }
 
-    /// What a batch costs, for a model in which drawing a hemicube takes `drawing` seconds and the rest of the device's time
-    /// is the price of a submit.
-    pub fn cost(&self, drawing: f64) -> BatchCost {
-        let submits = self.strategy.submits().max(1);
-        let each = |part: Part| self.parts[part as usize].median / submits as f64;
-        let device = each(Part::Draw) + each(Part::Copy);
-        let drawing = (drawing * self.gathers_a_batch() / submits as f64).min(device);
+    /// Median of a part, seconds a submit.
+    fn part_of_submit(&self, part: Part) -> f64 {
+        self.parts[part as usize].median / self.strategy.submits().max(1) as f64
+    }
+
+    /// Seconds of the device a submit.
+    fn device(&self) -> f64 {
+        self.part_of_submit(Part::Draw) + self.part_of_submit(Part::Copy)
+    }
+
+    /// Seconds of the device a submit that are not spent on drawing, where that takes `drawing` seconds a hemicube.
+    pub fn price(&self, drawing: f64) -> f64 {
+        let hemicubes = self.gathers_a_batch() / self.strategy.submits().max(1) as f64;
+        (self.device() - drawing * hemicubes).max(0.0)
+    }
+
+    /// What a batch costs, for a model in which a submit takes `price` seconds of the device whatever it draws.
+    pub fn cost(&self, price: f64) -> BatchCost {
+        let (submits, fixed) = (self.strategy.submits().max(1), price.min(self.device()));
+        let each = |part| self.part_of_submit(part);
         let submit = SubmitCost {
             host: each(Part::Upload) + each(Part::Submit),
             start: each(Part::Queue),
-            fixed: device - drawing,
-            drawing,
+            fixed,
+            drawing: self.device() - fixed,
             fence: each(Part::Fence),
             read: each(Part::Read),
             bytes_up: self.bytes[0],
@@ -191,11 +204,13 @@ impl Bench<'_, '_> {
 
     fn finish(&mut self, under_way: &mut VecDeque<(Instant, Instant)>) -> Result<Option<Timed>> {
         let Some((begun, taken)) = under_way.pop_front() else { return Ok(None) };
+        let asked = Instant::now();
         let Some(gathered) = self.gatherer.finish()? else { return Ok(None) };
         let collected = Instant::now();
         let gathers = gathered.batch.receivers.len();
         std::hint::black_box(self.convolve(gathered));
-        let times = BatchTimes { begun, taken, submits: Vec::new(), collected, convolved: Instant::now() };
+        let (submits, convolved) = (Vec::new(), Instant::now());
+        let times = BatchTimes { begun, taken, submits, asked, collected, convolved };
         Ok(Some(Timed { gathers, times }))
     }
 
@@ -214,5 +229,34 @@ fn give_submits(timed: &mut [Timed], submits: Vec<SubmitTimes>) {
         if let Some(timed) = timed.get_mut(batch) {
             timed.times.submits.push(submit);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gather::vulkan::Route;
+
+    /// A cell of one batch, whose submit the device draws for so many microseconds.
+    fn drawn(hemicubes: usize, microseconds: f64) -> Cell {
+        let mut cell = Cell::of((Strategy::atlas(Route::Compute, 1), hemicubes), &[], &[], 0.0);
+        cell.counts = [1, hemicubes];
+        cell.parts[Part::Draw as usize].median = microseconds * 1e-6;
+        cell
+    }
+
+    #[test]
+    fn what_a_submit_costs_whatever_it_draws_shows_in_the_smallest_batch() {
+        let price = drawn(1, 30.0).price(10e-6);
+        assert!((price - 20e-6).abs() < 1e-12, "{price}");
+        let submit = drawn(100, 1220.0).cost(price).submit;
+        assert!(
+            (submit.fixed - 20e-6).abs() < 1e-12 && (submit.drawing - 1200e-6).abs() < 1e-9,
+            "{submit:?}"
+        );
+        assert_eq!(drawn(1, 5.0).price(10e-6), 0.0);
+        let short = drawn(1, 15.0).cost(price).submit;
+        assert!((short.fixed - 15e-6).abs() < 1e-12, "no more than the device was busy: {short:?}");
+        assert_eq!(short.drawing, 0.0);
     }
 }

@@ -17,8 +17,9 @@ use std::time::{Duration, Instant};
 
 /// Seconds that either work takes by itself, about.
 const SECONDS: f64 = 0.4;
-/// Times that each is measured, by turns; the medians count.
-const ROUNDS: usize = 5;
+/// Times that each is measured, by turns; the medians count. Ratios are taken turn by turn, because a machine with other work is faster at
+/// some times than at others.
+const TURNS: usize = 5;
 
 /// Wall time and processor time of some work, seconds.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -36,6 +37,13 @@ pub struct Overlap {
     pub what: String,
     /// Whether the device was a model.
     pub simulated: bool,
+    /// All turns.
+    pub turns: Vec<Turn>,
+}
+
+/// What each work took in one turn.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Turn {
     /// Gathering alone.
     pub gather: Load,
     /// Direct light alone.
@@ -45,25 +53,33 @@ pub struct Overlap {
 }
 
 impl Overlap {
+    /// Median over all turns.
+    pub fn median(&self, of: impl Fn(&Turn) -> f64) -> f64 {
+        Quantiles::of(self.turns.iter().map(of)).median
+    }
+
     /// Wall time of both over that of the longer: 1 is perfect, and one after the other is up to 2.
     pub fn over_longer(&self) -> f64 {
-        self.together.wall / self.gather.wall.max(self.direct.wall)
+        self.median(|turn| turn.together.wall / turn.gather.wall.max(turn.direct.wall))
     }
 
     /// Processor time of both, over the sum of what they take alone.
     pub fn processor(&self) -> f64 {
-        self.together.processor / (self.gather.processor + self.direct.processor)
+        self.median(|turn| turn.together.processor / (turn.gather.processor + turn.direct.processor))
     }
 
     /// As JSON.
     pub fn to_json(&self) -> Value {
-        let load = |l: Load| json!({ "wall_seconds": l.wall, "processor_seconds": l.processor });
+        let load = |of: fn(&Turn) -> Load| {
+            let (wall, processor) = (self.median(|t| of(t).wall), self.median(|t| of(t).processor));
+            json!({ "wall_seconds": wall, "processor_seconds": processor })
+        };
         json!({
             "what": self.what,
             "simulated": self.simulated,
-            "gather": load(self.gather),
-            "direct": load(self.direct),
-            "together": load(self.together),
+            "gather": load(|turn| turn.gather),
+            "direct": load(|turn| turn.direct),
+            "together": load(|turn| turn.together),
             "wall_over_longer": self.over_longer(),
             "processor_over_sum": self.processor(),
         })
@@ -94,19 +110,15 @@ pub fn measure(
     let (gather, direct) = (timed(|| works.gather(gatherer))?, timed(|| works.light())?);
     let times = |load: Load| ((SECONDS / load.wall.max(1e-6)) as usize).max(1);
     (works.gathers, works.direct) = (times(gather), times(direct));
-    let mut loads = Vec::with_capacity(ROUNDS);
-    for _ in 0..ROUNDS {
-        let gather = timed(|| works.gather(gatherer))?;
-        let direct = timed(|| works.light())?;
-        let together = timed(|| both(|| works.light(), || works.gather(gatherer)))?;
-        loads.push([gather, direct, together]);
+    let mut turns = Vec::with_capacity(TURNS);
+    for _ in 0..TURNS {
+        turns.push(Turn {
+            gather: timed(|| works.gather(gatherer))?,
+            direct: timed(|| works.light())?,
+            together: timed(|| both(|| works.light(), || works.gather(gatherer)))?,
+        });
     }
-    let median = |work: usize| Load {
-        wall: Quantiles::of(loads.iter().map(|l| l[work].wall)).median,
-        processor: Quantiles::of(loads.iter().map(|l| l[work].processor)).median,
-    };
-    let (gather, direct, together) = (median(0), median(1), median(2));
-    Ok(Overlap { what, simulated: false, gather, direct, together })
+    Ok(Overlap { what, simulated: false, turns })
 }
 
 /// The same with a modelled device, which sends back what `gatherer` gathers beforehand.
@@ -174,13 +186,11 @@ mod tests {
     #[test]
     fn ratios_compare_with_the_longer_and_with_the_sum() {
         let load = |wall, processor| Load { wall, processor };
-        let overlap = Overlap {
-            what: String::new(),
-            simulated: false,
-            gather: load(2.0, 1.0),
-            direct: load(4.0, 8.0),
-            together: load(5.0, 9.9),
-        };
+        let turn = Turn { gather: load(2.0, 1.0), direct: load(4.0, 8.0), together: load(5.0, 9.9) };
+        let slow = [turn.gather, turn.direct, turn.together].map(|l| load(3.0 * l.wall, 3.0 * l.processor));
+        let slow = Turn { gather: slow[0], direct: slow[1], together: slow[2] };
+        let overlap = Overlap { what: String::new(), simulated: false, turns: vec![turn, slow, turn] };
+        assert_eq!(overlap.median(|turn| turn.direct.wall), 4.0);
         assert_eq!(overlap.over_longer(), 1.25);
         assert!((overlap.processor() - 1.1).abs() < 1e-9);
     }

@@ -10,13 +10,13 @@ pub enum Part {
     Upload,
     /// Recording commands and handing them to the driver, until the device begins.
     Submit,
-    /// Until the device begins.
+    /// Until the device begins, or those before make room to begin at all.
     Queue,
     /// Drawing; on the CPU, by its own rasteriser.
     Draw,
     /// Copying the ids to where the host finds them.
     Copy,
-    /// From the device's end until the host knows of it.
+    /// From the device's end until the host knows of it, or asks for the batch.
     Fence,
     /// Making the ids visible to the host and putting them into cached memory.
     Read,
@@ -65,6 +65,8 @@ pub struct BatchTimes {
     pub taken: Instant,
     /// Its submits, in order; none where the CPU draws.
     pub submits: Vec<SubmitTimes>,
+    /// The host asked for its ids.
+    pub asked: Instant,
     /// Its ids were handed back.
     pub collected: Instant,
     /// They had become irradiance.
@@ -88,6 +90,10 @@ impl BatchTimes {
             walk.to(self.taken, Part::Draw);
         }
         self.submits.iter().for_each(|submit| walk.through(submit));
+        if !self.submits.is_empty() {
+            // Its last submit made room for another batch, which the host was still handing over.
+            walk.to(self.asked, Part::Fence);
+        }
         walk.to(self.collected, Part::Rest);
         walk.to(self.convolved, Part::Convolve);
         walk.parts
@@ -107,7 +113,8 @@ impl Walk {
     }
 
     fn through(&mut self, submit: &SubmitTimes) {
-        self.to(submit.begun, Part::Rest);
+        self.to(submit.wanted, Part::Rest);
+        self.to(submit.begun, Part::Queue);
         self.to(submit.uploaded, Part::Upload);
         match &submit.device {
             None => {
@@ -142,6 +149,7 @@ mod tests {
             hemicubes: 1,
             bytes_up: 0,
             bytes_down: 0,
+            wanted: at[0],
             begun: at[0],
             uploaded: at[1],
             recorded: at[2],
@@ -154,7 +162,8 @@ mod tests {
 
     fn batch(zero: Instant, submits: Vec<SubmitTimes>, end: u64) -> BatchTimes {
         let at = |t| zero + Duration::from_micros(t);
-        BatchTimes { begun: zero, taken: at(1), submits, collected: at(end - 10), convolved: at(end) }
+        let (taken, asked) = (at(1), at(1));
+        BatchTimes { begun: zero, taken, submits, asked, collected: at(end - 10), convolved: at(end) }
     }
 
     fn microseconds(parts: Parts) -> [u64; Part::ALL.len()] {
@@ -179,6 +188,16 @@ mod tests {
         for batch in [one, two] {
             assert!((batch.parts().iter().sum::<f64>() - batch.wall()).abs() < 1e-9);
         }
+    }
+
+    #[test]
+    fn waiting_for_room_and_for_a_host_that_is_busy_is_no_rest() {
+        let zero = Instant::now();
+        let mut late = submit(zero, [40, 45, 49, 52, 60, 90, 91, 92, 95]);
+        late.wanted = zero + Duration::from_micros(10);
+        let mut two = batch(zero, vec![submit(zero, [1, 2, 3, 4, 5, 6, 7, 8, 10]), late], 150);
+        two.asked = zero + Duration::from_micros(130);
+        assert_eq!(microseconds(two.parts()), [6, 9, 39, 31, 2, 37, 5, 10, 11]);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! A stand-in for a device that does not share the processor: it hands back ids that were gathered before, when the device
+//! A stand-in for a device that does not share the processor: it hands back what was gathered before, when the device
 //! of a modelled machine would have sent them.
 
 use super::link::{Bus, Machine, SubmitCost};
@@ -63,7 +63,7 @@ impl Gatherer for Replay<'_> {
     }
 
     fn strategy(&self) -> String {
-        format!("ids gathered before come back when a machine with {} would send them", self.machine.name)
+        format!("what was gathered before comes back when a machine with {} would send it", self.machine.name)
     }
 }
 

@@ -24,6 +24,8 @@ pub enum Strategy {
         in_flight: usize,
         /// The way of ids to the host.
         memory: MemoryPath,
+        /// Whether the device sums hemicubes up; else ids come back.
+        summed: bool,
     },
     /// By the CPU's rasteriser.
     Cpu {
@@ -39,11 +41,19 @@ impl Strategy {
         route: Route::Raster,
         in_flight: 1,
         memory: MemoryPath::Auto,
+        summed: false,
     };
 
     /// One atlas and one readback a batch.
     pub const fn atlas(route: Route, in_flight: usize) -> Self {
-        Self::Vulkan { faces: FacesPerPass::All, route, in_flight, memory: MemoryPath::Auto }
+        let (faces, memory) = (FacesPerPass::All, MemoryPath::Auto);
+        Self::Vulkan { faces, route, in_flight, memory, summed: false }
+    }
+
+    /// The same, summed up by the device: the way of hardware where no ids are wanted.
+    pub const fn summed(route: Route, in_flight: usize) -> Self {
+        let (faces, memory) = (FacesPerPass::All, MemoryPath::Auto);
+        Self::Vulkan { faces, route, in_flight, memory, summed: true }
     }
 
     /// The ways of a Vulkan device that draws on these routes, with the batches for each.
@@ -54,11 +64,12 @@ impl Strategy {
         let mut all = vec![(Self::FACE_BY_FACE, vec![1])];
         for &route in routes {
             all.extend((1..=4).map(|in_flight| (Self::atlas(route, in_flight), BATCHES.to_vec())));
+            all.extend([1, 3].map(|in_flight| (Self::summed(route, in_flight), BATCHES.to_vec())));
         }
         let faces = FacesPerPass::All;
         for (&route, memory) in routes.iter().flat_map(|r| MemoryPath::ALL.map(|memory| (r, memory))) {
             if offers(memory, route) {
-                let way = Self::Vulkan { faces, route, in_flight: MEMORY_IN_FLIGHT, memory };
+                let way = Self::Vulkan { faces, route, in_flight: MEMORY_IN_FLIGHT, memory, summed: false };
                 all.push((way, vec![MEMORY_BATCH]));
             }
         }
@@ -76,6 +87,9 @@ impl Strategy {
             Self::Cpu { at_once: true } => "rasteriser, convolved at once".into(),
             Self::Cpu { at_once: false } => "rasteriser, ids first".into(),
             Self::Vulkan { faces: FacesPerPass::One, .. } => "face by face (thesis)".into(),
+            Self::Vulkan { route, in_flight, summed: true, .. } => {
+                format!("{}, summed, {in_flight} in flight", route_name(route))
+            }
             Self::Vulkan { route, in_flight, memory: MemoryPath::Auto, .. } => {
                 format!("{}, {in_flight} in flight", route_name(route))
             }
@@ -101,12 +115,13 @@ impl Strategy {
     pub fn to_json(&self) -> Value {
         match *self {
             Self::Cpu { at_once } => json!({ "name": self.name(), "convolved_at_once": at_once }),
-            Self::Vulkan { faces, route, in_flight, memory } => json!({
+            Self::Vulkan { faces, route, in_flight, memory, summed } => json!({
                 "name": self.name(),
                 "faces_a_submit": if faces == FacesPerPass::One { 1 } else { FACES },
                 "route": route_name(route),
                 "in_flight": in_flight,
                 "memory": memory.name(),
+                "summed_by_device": summed,
             }),
         }
     }

@@ -102,7 +102,7 @@ impl Subject {
                 let cpu = CpuGatherer::new(drawables.splats.as_slice(), drawables.shape, settings)?;
                 Ok(Box::new(if at_once { cpu.convolving(self.world.convolver()) } else { cpu }))
             }
-            Strategy::Vulkan { faces, route, in_flight, memory } => {
+            Strategy::Vulkan { faces, route, in_flight, memory, summed } => {
                 let settings = VulkanSettings {
                     resolution,
                     batch: BatchSize::Fixed(batch),
@@ -113,7 +113,10 @@ impl Subject {
                     validation: self.settings.validation,
                     ..VulkanSettings::default()
                 };
-                Ok(Box::new(VulkanGatherer::new(index, &drawables.splats, drawables.shape, settings)?))
+                Ok(Box::new(match summed {
+                    true => VulkanGatherer::summing(index, drawables, &self.world.weights, settings)?,
+                    false => VulkanGatherer::new(index, &drawables.splats, drawables.shape, settings)?,
+                }))
             }
         }
     }

@@ -16,6 +16,8 @@ use std::time::Duration;
 
 /// Batches under way where gathers overlap direct light.
 const IN_FLIGHT: usize = 3;
+/// Hemicubes a batch of a simulated discrete GPU beside direct light: what the renderer takes on hardware, if memory allows it.
+const DISCRETE_BATCH: usize = 1024;
 
 /// What was measured of a device.
 #[derive(Debug, Clone)]
@@ -146,12 +148,19 @@ impl Survey {
         self.cells.iter().map(|cell| cell.batch).max().unwrap_or(1)
     }
 
-    /// Seconds that drawing a hemicube takes on a route at the batch where it takes least: there, the price of a submit hardly
-    /// counts.
-    fn drawing(&self, route: Route) -> f64 {
-        let alone = self.cells.iter().filter(|cell| cell.strategy == Strategy::atlas(route, 1));
+    /// Seconds that drawing a hemicube takes in a way of gathering at the batch where it takes least: there, the price of a submit
+    /// hardly counts.
+    fn drawing(&self, strategy: Strategy) -> f64 {
+        let alone = self.cells.iter().filter(|cell| cell.strategy == strategy);
         let least = alone.map(|cell| cell.gathers[Part::Draw as usize].median).min_by(f64::total_cmp);
         least.unwrap_or_default()
+    }
+
+    /// Seconds of the device that a submit takes whatever it draws: it counts most in the smallest batch, where a way of gathering
+    /// that draws as fast as `like` spends the rest of its time on it.
+    fn price(&self, strategy: Strategy, like: Strategy) -> f64 {
+        let cells = self.cells.iter().filter(|cell| cell.strategy == strategy);
+        cells.min_by_key(|cell| cell.batch).map_or(0.0, |cell| cell.price(self.drawing(like)))
     }
 
     fn overlap(&mut self, subject: &Subject, plan: &Plan) -> Result<()> {
@@ -164,8 +173,13 @@ impl Survey {
         let what = format!("{}, {}", self.device.name, strategy.name());
         self.overlaps.push(overlap::measure(what, subject, &batches, gatherer.as_mut())?);
         let Some(route) = self.best_route() else { return Ok(()) };
-        let one = self.cell(Strategy::atlas(route, 1), batch);
-        let Some(cost) = one.map(|cell| cell.cost(self.drawing(route)).submit) else { return Ok(()) };
+        let batch = DISCRETE_BATCH.min(plan.largest);
+        let one = self.cell(Strategy::summed(route, 1), batch);
+        let Some(cost) = one.map(|cell| cell.cost(self.price(cell.strategy, cell.strategy)).submit) else {
+            return Ok(());
+        };
+        let batches = subject.batches(batch);
+        let mut gatherer = subject.gatherer(Strategy::summed(route, IN_FLIGHT), batch, self.index())?;
         for machine in plan.machines.iter().filter(|machine| machine.link.latency > 0.0) {
             let measured = (subject, batches.as_slice());
             let simulated = overlap::simulate(machine, cost, IN_FLIGHT, measured, gatherer.as_mut())?;
@@ -176,14 +190,15 @@ impl Survey {
 
     fn simulate(&mut self, machines: &[Machine]) {
         let Some(route) = self.best_route() else { return };
-        let one_by_one = Strategy::atlas(route, 1);
+        let one_by_one = Strategy::summed(route, 1);
         let costs: Vec<(&Cell, BatchCost)> = self
             .cells
             .iter()
             .filter(|cell| cell.strategy == Strategy::FACE_BY_FACE || cell.strategy == one_by_one)
             .map(|cell| {
-                let route = if cell.strategy == one_by_one { route } else { Route::Raster };
-                (cell, cell.cost(self.drawing(route)))
+                let like =
+                    if cell.strategy == one_by_one { one_by_one } else { Strategy::atlas(Route::Raster, 1) };
+                (cell, cell.cost(self.price(cell.strategy, like)))
             })
             .collect();
         let mut simulated = Vec::new();

@@ -134,7 +134,12 @@ fn overlap(survey: &Survey) -> Rows {
     let first = head(&["", "gather", "direct", "both", "both / longer", "processor, both / sum"]);
     let rows = survey.overlaps.iter().map(|o| {
         let what = if o.simulated { format!("SIMULATED {}", o.what) } else { o.what.clone() };
-        let walls = [o.gather, o.direct, o.together].map(|load| format!("{:.3}", load.wall));
+        let medians = [
+            o.median(|turn| turn.gather.wall),
+            o.median(|turn| turn.direct.wall),
+            o.median(|turn| turn.together.wall),
+        ];
+        let walls = medians.map(|seconds| format!("{seconds:.3}"));
         let ratios = [o.over_longer(), o.processor()].map(|ratio| format!("{ratio:.2}"));
         std::iter::once(what).chain(walls).chain(ratios).collect()
     });

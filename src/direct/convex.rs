@@ -99,7 +99,7 @@ impl ConvexLight {
         }
     }
 
-    /// [`Self::irradiance`] at many receivers, to 1e-4 of what surfaces facing the light get.
+    /// [`Self::irradiance`] at many receivers, to 5e-4 of what surfaces facing the light get.
     pub(super) fn irradiances(&self, receivers: &[Local]) -> Vec<f64> {
         let mut irradiances = vec![0.0; receivers.len()];
         let mut clear = Vec::with_capacity(receivers.len());
@@ -281,6 +281,39 @@ impl<'a> ConvexView<'a> {
             direction: offset.normalize().as_vec3(),
             weight: weight as f32,
             perpendicular: self.light.radiance * solid_angle as f32,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::LitPoint;
+    use super::super::solid::{find_solids, tests::octahedron};
+    use super::*;
+    use crate::math::uniform_sphere;
+
+    #[test]
+    fn many_receivers_get_what_each_gets_by_itself() {
+        let scene = octahedron(1.0);
+        let solid = find_solids(&scene, &(0..8).collect::<Vec<_>>()).pop().expect("a convex body");
+        let light = ConvexLight::new(&scene, &solid);
+        let mut rng = Rng::new(8, 0);
+        for below in [0.7, 2.0, 90.0] {
+            // A floor, which sees all of the light, and receivers turned at random, whose horizons cut it.
+            let mut receiver = |i: u32| {
+                let at = 4.0 * (rng.unit2() - Vec2::splat(0.5));
+                let normal = if i.is_multiple_of(2) { Vec3::Z } else { uniform_sphere(rng.unit2()) };
+                let position = at.extend(-below);
+                Local::new(&LitPoint { position, normal, geometric_normal: normal })
+            };
+            let receivers: Vec<Local> = (0..2000).map(&mut receiver).collect();
+            for (local, found) in receivers.iter().zip(light.irradiances(&receivers)) {
+                let (exact, facing) = (light.irradiance(local), light.flux(local.origin()).length());
+                assert!(
+                    (found - exact).abs() <= 1e-3 * facing,
+                    "{found}, not {exact}, of {facing}: {local:?}"
+                );
+            }
         }
     }
 }

@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 
 /// Largest error of interpolated irradiance in the middle of a box, relative to the length of F. The facets of a finely
 /// tessellated body make F tremble by less.
-const TOLERANCE: f64 = 1e-4;
+const TOLERANCE: f64 = 5e-4;
 
 /// Half diagonal of a box relative to its distance from the light, at most: so no box reaches into the body.
 const LARGEST: f64 = 0.25;

@@ -199,12 +199,12 @@ impl Span {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::scene::{Material, SceneDescription, Shape};
 
-    /// An octahedron whose upper corner is at a height.
-    fn octahedron(height: f64) -> Scene {
+    /// A glowing octahedron whose upper corner is at a height.
+    pub(in crate::direct) fn octahedron(height: f64) -> Scene {
         let positions = vec![DVec3::X, DVec3::Y, DVec3::NEG_X, DVec3::NEG_Y, DVec3::Z * height, DVec3::NEG_Z];
         let side = |k: u32| [[k, (k + 1) % 4, 4], [(k + 1) % 4, k, 5]];
         let triangles: Vec<[u32; 3]> = (0..4).flat_map(side).collect();

@@ -69,6 +69,7 @@ fn details(device: &Capabilities) -> String {
     }
     line("strategy", format!("hemicubes are {drawn}, batches measured to take 50 ms at most"));
     line("", format!("{path}: {reason}"));
+    line("", "colours, where --atlas-format asks for them, are always rasterised".into());
     text
 }
 

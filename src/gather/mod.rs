@@ -14,6 +14,7 @@ pub mod vulkan;
 
 use crate::error::{Error, Result};
 use crate::hemicube::atlas::IdAtlas;
+use crate::hemicube::colour::ColourAtlas;
 pub use crate::hemicube::frame::Estimate;
 use crate::hemicube::frame::{MAX_RESOLUTION, MIN_RESOLUTION, Receiver};
 use submits::SubmitTimes;
@@ -45,6 +46,8 @@ pub struct Group {
 pub enum Output {
     /// Hemicube tiles of surfel ids, tile `i` for receiver `i`; to be convolved.
     Ids(IdAtlas),
+    /// Hemicube tiles of colours; to be convolved.
+    Colours(ColourAtlas),
     /// Irradiance and distances, receiver by receiver.
     Estimates(Vec<Estimate>),
 }

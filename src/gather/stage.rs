@@ -43,8 +43,10 @@ fn finish(gatherer: &mut dyn Gatherer, run: &Run) -> Result<Option<Gathered>> {
     if let Some(gathered) = &finished {
         run.counters.count_batch(gathered.batch.receivers.len());
         gathered.batch.groups.iter().for_each(|group| run.counters.count_cut(group.drawables as usize));
-        if let Output::Ids(atlas) = &gathered.output {
-            run.counters.count_readback(gatherer.readback_bytes(atlas));
+        match &gathered.output {
+            Output::Ids(atlas) => run.counters.count_readback(gatherer.readback_bytes(atlas)),
+            Output::Colours(atlas) => run.counters.count_readback(atlas.bytes()),
+            Output::Estimates(_) => {}
         }
     }
     Ok(finished)

@@ -144,15 +144,16 @@ impl<'a> Gathering<'a> {
 
 /// What a finished batch found out.
 pub fn convolve(gathered: Gathered, convolver: &Convolver) -> Vec<Estimate> {
+    let receivers = &gathered.batch.receivers;
     match gathered.output {
         Output::Estimates(estimates) => estimates,
-        Output::Ids(atlas) => gathered
-            .batch
-            .receivers
-            .par_iter()
-            .with_min_len(16)
-            .enumerate()
-            .map(|(i, receiver)| convolver.estimate(&atlas, i, receiver))
-            .collect(),
+        Output::Ids(atlas) => each(receivers, |i, receiver| convolver.estimate(&atlas, i, receiver)),
+        Output::Colours(atlas) => {
+            each(receivers, |i, receiver| convolver.estimate_colours(&atlas, i, receiver))
+        }
     }
+}
+
+fn each(receivers: &[Receiver], estimate: impl Fn(usize, &Receiver) -> Estimate + Sync) -> Vec<Estimate> {
+    receivers.par_iter().with_min_len(16).enumerate().map(|(i, receiver)| estimate(i, receiver)).collect()
 }

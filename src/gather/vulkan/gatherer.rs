@@ -1,4 +1,4 @@
-//! Batches in, ids out, several batches under way at once.
+//! Batches in, ids or colours out, several batches under way at once.
 
 use super::capabilities::memory_type;
 use super::clock::DeviceClock;
@@ -18,8 +18,10 @@ use super::vertices::{SplatBuffers, tile_parts, write_instances};
 use crate::error::{Error, Result};
 use crate::gather::submits::SubmitTimes;
 use crate::gather::{Batch, Gathered, Gatherer, Output, check_resolution};
-use crate::hemicube::atlas::{AtlasLayout, IdAtlas};
+use crate::hemicube::atlas::{AtlasLayout, EMPTY, IdAtlas};
+use crate::hemicube::colour::{AtlasFormat, ColourAtlas, SideColours, side_colours};
 use crate::surfel::cloud::{Splat, SurfelShape};
+use crate::surfel::drawable::Drawables;
 use ash::prelude::VkResult;
 use ash::vk;
 use std::collections::VecDeque;
@@ -59,10 +61,12 @@ pub struct VulkanGatherer {
     context: Arc<Context>,
 }
 
-/// A batch that was handed in; its ids come from one or more submits.
+/// A batch that was handed in; its texels come from one or more submits.
 struct Job {
     batch: Batch,
-    atlas: IdAtlas,
+    layout: AtlasLayout,
+    /// Its packed texels.
+    words: Vec<u32>,
     pending: usize,
     /// Surfels that a hemicube draws on average.
     splats: f64,
@@ -90,17 +94,40 @@ struct Started {
 }
 
 impl VulkanGatherer {
-    /// Opens device `index` (see [`list_devices`](super::list_devices)) and copies the surfels to it.
+    /// Opens device `index` (see [`list_devices`](super::list_devices)) and copies the surfels to it. It gives ids.
     ///
     /// # Errors
     /// When a setting is out of range, or the device cannot be opened or has too little memory for a single hemicube.
     pub fn new(index: usize, splats: &[Splat], shape: SurfelShape, settings: VulkanSettings) -> Result<Self> {
+        Self::open(index, (splats, shape), (AtlasFormat::Id, None), settings)
+    }
+
+    /// A gatherer of ids, or of colours: those that the drawables have now.
+    ///
+    /// # Errors
+    /// As [`VulkanGatherer::new`]; when colours shall be computed, or the device cannot draw them.
+    pub fn of_drawables(
+        index: usize,
+        drawables: &Drawables,
+        format: AtlasFormat,
+        settings: VulkanSettings,
+    ) -> Result<Self> {
+        let colours = format.is_colour().then(|| side_colours(drawables));
+        Self::open(index, (&drawables.splats, drawables.shape), (format, colours.as_deref()), settings)
+    }
+
+    fn open(
+        index: usize,
+        (splats, shape): (&[Splat], SurfelShape),
+        (format, colours): (AtlasFormat, Option<&[SideColours]>),
+        settings: VulkanSettings,
+    ) -> Result<Self> {
         check_resolution(settings.resolution)?;
         let log = ValidationLog::default();
         let context = Context::new(index, settings.validation.then_some(&log))?;
         let parts = tile_parts(settings.resolution, context.limits.point_size_range[1] as u32);
-        let method = Method::new(&context, shape, splats.len(), &settings)?;
-        let buffers = SplatBuffers::new(&context, splats, shape, method.usages().surfels)
+        let method = Method::new(&context, (shape, format), splats.len(), &settings)?;
+        let buffers = SplatBuffers::new(&context, splats, shape, colours, method.usages().surfels)
             .map_err(|result| context.error("copying the surfels", result))?;
         let memory = memory_path(&context, &method, settings.memory)?;
         let gear = Gear {
@@ -301,7 +328,7 @@ impl VulkanGatherer {
         }
     }
 
-    /// Waits for the oldest submit and puts its ids where they belong.
+    /// Waits for the oldest submit and puts its texels where they belong.
     fn land(&mut self) -> VkResult<()> {
         let Some(flight) = self.flights.pop_front() else { return Ok(()) };
         let slot = &self.slots[flight.slot];
@@ -318,7 +345,7 @@ impl VulkanGatherer {
         slot.readback.refresh()?;
         let job = &mut self.jobs[flight.job - self.jobs_done];
         job.pending -= 1;
-        let bytes_down = read(&slot.readback, &flight, &mut job.atlas);
+        let bytes_down = read(&slot.readback, &flight, self.method.format().words(), job);
         let (queue, read) = (0, Instant::now());
         let splats = flight.layout.capacity() as f64 * job.splats;
         let times = SubmitTimes {
@@ -381,7 +408,8 @@ impl Gatherer for VulkanGatherer {
         let hemicubes = batch.receivers.len();
         let splats = splats_drawn(&batch, self.splats.count) / hemicubes.max(1) as f64;
         let layout = self.layout(hemicubes, splats);
-        self.jobs.push_back(Job { batch, atlas: IdAtlas::empty(layout), pending: 0, splats });
+        let words = vec![EMPTY; layout.texels() * self.method.format().words()];
+        self.jobs.push_back(Job { batch, layout, words, pending: 0, splats });
         self.start(layout).map_err(|result| self.failed(result))?;
         self.stats.batches += 1;
         self.stats.hemicubes += hemicubes as u64;
@@ -394,7 +422,12 @@ impl Gatherer for VulkanGatherer {
         }
         let Some(job) = self.jobs.pop_front() else { return Ok(None) };
         self.jobs_done += 1;
-        Ok(Some(Gathered { batch: job.batch, output: Output::Ids(job.atlas) }))
+        let Job { batch, layout, words, .. } = job;
+        let output = match self.method.format() {
+            AtlasFormat::Id => Output::Ids(IdAtlas { layout, texels: words }),
+            format => Output::Colours(ColourAtlas { layout, format, words }),
+        };
+        Ok(Some(Gathered { batch, output }))
     }
 
     fn take_submits(&mut self) -> Vec<SubmitTimes> {
@@ -403,10 +436,13 @@ impl Gatherer for VulkanGatherer {
 
     fn strategy(&self) -> String {
         let drawn = if self.method.computes() { "computed" } else { "rasterised" };
+        let format = self.method.format();
+        let texels =
+            if format.is_colour() { format!(" as {} colours", format.name()) } else { String::new() };
         let (path, reason) = self.memory;
         let (size, most) = (self.batch_size(), self.slots.len());
         format!(
-            "hemicubes are {drawn}, up to {size} a batch and up to {most} batches under way at once; {path}: {reason}"
+            "hemicubes are {drawn}{texels}, up to {size} a batch and up to {most} batches under way at once; {path}: {reason}"
         )
     }
 }
@@ -433,15 +469,15 @@ impl Drop for VulkanGatherer {
     }
 }
 
-/// Copies the ids of a submit to their rows in the whole batch's atlas; returns the number of bytes.
-fn read(readback: &Readback, flight: &Flight, atlas: &mut IdAtlas) -> u64 {
+/// Copies the texels of a submit, of so many words, to their rows in the whole batch's atlas; returns the number of bytes.
+fn read(readback: &Readback, flight: &Flight, words: usize, job: &mut Job) -> u64 {
     let first_tile = (flight.first_row * flight.layout.columns) as usize;
     let mut bytes = 0;
     for face in flight.faces.clone() {
-        let count = (flight.layout.width() * flight.layout.height(face)) as usize;
-        let from = flight.layout.row_start(face, 0, 0);
-        let to = atlas.layout.row_start(face, first_tile, 0);
-        readback.read(from, &mut atlas.texels[to..to + count]);
+        let count = words * (flight.layout.width() * flight.layout.height(face)) as usize;
+        let from = words * flight.layout.row_start(face, 0, 0);
+        let to = words * job.layout.row_start(face, first_tile, 0);
+        readback.read(from, &mut job.words[to..to + count]);
         bytes += 4 * count as u64;
     }
     bytes

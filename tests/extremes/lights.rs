@@ -174,3 +174,21 @@ fn a_duplicate_lamp_is_the_same_lamp() {
     let got = direct(&twice, &[(p, n)], 64)[0];
     assert!((got / exact - 1.0).abs() < 1e-4, "shadow rays: {got} for {exact}");
 }
+
+/// Surfels hang over the lamp's edges by several pixels of these hemicubes; rays follow them until they meet the lamp.
+#[test]
+fn small_free_lamps_that_a_gather_sees() {
+    let tilted = DVec3::new(-0.3, 0.1, 0.5).normalize();
+    for (side, allowed) in [(0.5, 2e-3), (0.2, 5e-3), (0.1, 1e-2)] {
+        let corner = DVec3::new(-0.5 * side, -0.5 * side, 1.0);
+        let (scene, corners) = lamp(corner, DVec3::Y * side, DVec3::X * side);
+        let seen = scene.gathering(emission_only(256, 4000));
+        for (p, n) in [(DVec3::new(0.05, 0.1, 0.0), DVec3::Z), (DVec3::new(0.9, 0.2, 0.3), tilted)] {
+            let exact = lambert(&corners, p, n);
+            let found = seen.gathered(&vec![lit(&seen, p, n); 128], |turn| turn as u32);
+            let off = mean(&found.iter().map(|e| e.x / exact - 1.0).collect::<Vec<_>>());
+            println!("a lamp {side} wide seen from {p}: {off:?}");
+            assert!(off.value.abs() <= allowed + 3.0 * off.error, "{side} wide, seen from {p}: {off:?}");
+        }
+    }
+}

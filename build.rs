@@ -10,15 +10,19 @@ use std::path::{Path, PathBuf};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
-/// Entry files and the variants that are compiled of each: output name and preprocessor definition.
-const VARIANTS: [(&str, &str, Option<&str>); 7] = [
-    ("splat.vert", "splat_disc.vert.spv", None),
-    ("splat.frag", "splat_disc.frag.spv", None),
-    ("splat.vert", "splat_triangle.vert.spv", Some("TRIANGLE")),
-    ("splat.frag", "splat_triangle.frag.spv", Some("TRIANGLE")),
-    ("gather.comp", "gather_disc.comp.spv", None),
-    ("gather.comp", "gather_triangle.comp.spv", Some("TRIANGLE")),
-    ("convolve.comp", "convolve.comp.spv", None),
+/// Entry files and the variants that are compiled of each: output name and preprocessor definitions.
+const VARIANTS: [(&str, &str, &[&str]); 11] = [
+    ("splat.vert", "splat_disc.vert.spv", &[]),
+    ("splat.frag", "splat_disc.frag.spv", &[]),
+    ("splat.vert", "splat_triangle.vert.spv", &["TRIANGLE"]),
+    ("splat.frag", "splat_triangle.frag.spv", &["TRIANGLE"]),
+    ("splat.vert", "splat_disc_colour.vert.spv", &["COLOUR"]),
+    ("splat.frag", "splat_disc_colour.frag.spv", &["COLOUR"]),
+    ("splat.vert", "splat_triangle_colour.vert.spv", &["TRIANGLE", "COLOUR"]),
+    ("splat.frag", "splat_triangle_colour.frag.spv", &["TRIANGLE", "COLOUR"]),
+    ("gather.comp", "gather_disc.comp.spv", &[]),
+    ("gather.comp", "gather_triangle.comp.spv", &["TRIANGLE"]),
+    ("convolve.comp", "convolve.comp.spv", &[]),
 ];
 
 const STALE: &str = "the SPIR-V in shaders/spirv is older than its GLSL in shaders: rebuild it with `cargo build --features \
@@ -60,8 +64,8 @@ fn hash_of_sources(folder: &Path) -> Outcome<u64> {
 
 /// Compiles all variants if a compiler is chosen; tells whether one was.
 fn compile(folder: &Path) -> Outcome<bool> {
-    for (source, target, definition) in VARIANTS {
-        let Some(code) = compile_one(&folder.join(source), definition)? else { return Ok(false) };
+    for (source, target, definitions) in VARIANTS {
+        let Some(code) = compile_one(&folder.join(source), definitions)? else { return Ok(false) };
         write_if_changed(&folder.join("spirv").join(target), &code)?;
     }
     Ok(true)
@@ -76,13 +80,13 @@ fn write_if_changed(path: &Path, contents: &[u8]) -> Outcome<()> {
 }
 
 #[cfg(not(feature = "compile-shaders"))]
-fn compile_one(source: &Path, definition: Option<&str>) -> Outcome<Option<Vec<u8>>> {
+fn compile_one(source: &Path, definitions: &[&str]) -> Outcome<Option<Vec<u8>>> {
     let Some(glslc) = std::env::var_os("SURFLUX_GLSLC") else { return Ok(None) };
     let target = PathBuf::from(std::env::var_os("OUT_DIR").ok_or("cargo sets OUT_DIR")?).join("shader.spv");
     let status = std::process::Command::new(glslc)
         .args(["--target-env=vulkan1.1", "-O", "-o"])
         .arg(&target)
-        .args(definition.map(|name| format!("-D{name}")))
+        .args(definitions.iter().map(|name| format!("-D{name}")))
         .arg(source)
         .status()?;
     if !status.success() {
@@ -92,7 +96,7 @@ fn compile_one(source: &Path, definition: Option<&str>) -> Outcome<Option<Vec<u8
 }
 
 #[cfg(feature = "compile-shaders")]
-fn compile_one(source: &Path, definition: Option<&str>) -> Outcome<Option<Vec<u8>>> {
+fn compile_one(source: &Path, definitions: &[&str]) -> Outcome<Option<Vec<u8>>> {
     let folder = source.parent().unwrap_or(Path::new(".")).to_path_buf();
     let mut options = shaderc::CompileOptions::new()?;
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_1 as u32);
@@ -102,9 +106,7 @@ fn compile_one(source: &Path, definition: Option<&str>) -> Outcome<Option<Vec<u8
         let content = fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
         Ok(shaderc::ResolvedInclude { resolved_name: path.display().to_string(), content })
     });
-    if let Some(name) = definition {
-        options.add_macro_definition(name, None);
-    }
+    definitions.iter().for_each(|name| options.add_macro_definition(name, None));
     let kind = match source.extension().and_then(OsStr::to_str) {
         Some("vert") => shaderc::ShaderKind::Vertex,
         Some("comp") => shaderc::ShaderKind::Compute,

@@ -28,6 +28,14 @@ layout(location = 9) in uvec4 tile_part;
 #ifdef TRIANGLE
 layout(location = 10) in vec3 surfel_tangent;
 layout(location = 11) in vec3 surfel_bitangent;
+#define FIRST_COLOUR 12
+#else
+#define FIRST_COLOUR 10
+#endif
+#ifdef COLOUR
+// What the sides show; alpha is negative for the black back of a surfel that has one side.
+layout(location = FIRST_COLOUR) in vec4 surfel_front;
+layout(location = FIRST_COLOUR + 1) in vec4 surfel_back;
 #endif
 
 layout(location = 0) flat out vec4 splat_centre_radius;
@@ -37,6 +45,9 @@ layout(location = 2) flat out uvec4 splat_pixels;
 #ifdef TRIANGLE
 layout(location = 3) flat out vec3 splat_tangent;
 layout(location = 4) flat out vec3 splat_bitangent;
+#endif
+#ifdef COLOUR
+layout(location = 5) flat out vec4 splat_colour;
 #endif
 
 uint pack(uvec2 v) {
@@ -83,6 +94,9 @@ void main() {
 #ifdef TRIANGLE
     splat_tangent = to_face(face, to_local(surfel_tangent));
     splat_bitangent = to_face(face, to_local(surfel_bitangent));
+#endif
+#ifdef COLOUR
+    splat_colour = distance < 0.0 ? surfel_front : surfel_back;
 #endif
 
     if (visible) {

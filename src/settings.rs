@@ -1,9 +1,11 @@
 //! What a user may choose, with its defaults and named sets.
 
 pub use crate::direct::Emitters;
+use crate::error::Error;
 use crate::gather::device::DeviceRequest;
 pub use crate::gather::monte_carlo::Bounces;
 pub use crate::gather::vulkan::{BatchSize, Route};
+pub use crate::hemicube::colour::AtlasFormat;
 use crate::surfel::cloud::SurfelShape;
 
 /// How irradiance is gathered.
@@ -142,6 +144,8 @@ pub struct Settings {
     pub gather_samples: u32,
     /// Camera rays that a pixel may get.
     pub samples: u32,
+    /// What hemicubes hold: colours leave nothing for the near field to go by.
+    pub atlas_format: AtlasFormat,
     /// How a Vulkan device draws hemicubes; changes no result.
     pub vulkan_route: Route,
     /// Hemicubes a batch.
@@ -174,6 +178,7 @@ impl Default for Settings {
             light_samples: 4,
             gather_samples: 256,
             samples: 1,
+            atlas_format: AtlasFormat::Id,
             vulkan_route: Route::Auto,
             batch: BatchSize::Auto,
             frames_in_flight: 0,
@@ -182,5 +187,27 @@ impl Default for Settings {
             reflected: false,
             validation: false,
         }
+    }
+}
+
+impl Settings {
+    /// Refuses what cannot go together.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] when hemicubes shall hold colours, and something needs to know the surfels.
+    pub fn check(&self) -> Result<(), Error> {
+        let format = self.atlas_format;
+        if self.gather != GatherMethod::Hemicube || !format.is_colour() {
+            return Ok(());
+        }
+        if self.near_field > 0.0 {
+            return Err(Error::Usage(format!(
+                "--atlas-format {} with --near-field {}: rays take the place of pixels that show near surfels, and colours do not \
+                 tell which surfels these are; use `--near-field 0` or `--atlas-format id`",
+                format.name(),
+                self.near_field
+            )));
+        }
+        self.vulkan_route.check(format)
     }
 }

@@ -8,6 +8,7 @@ use crate::gather::create::{Surfels, choose_device, create};
 use crate::gather::device::{Choice, Chosen};
 use crate::gather::order::{Ordered, order};
 use crate::gather::traced::{TracedSettings, form_factors};
+use crate::hemicube::colour::AtlasFormat;
 use crate::hemicube::convolve::Convolver;
 use crate::hemicube::frame::{RECEIVER_INSIDE, Receiver};
 use crate::hemicube::near_field::NearField;
@@ -62,6 +63,8 @@ pub struct World {
     pub closed: ClosedTest,
     /// `Settings::near_field`.
     near_field: f32,
+    /// `Settings::atlas_format`.
+    format: AtlasFormat,
     /// Whether gathers count what shows its black back.
     census: bool,
     near_field_rays: AtomicU64,
@@ -115,6 +118,7 @@ impl World {
             device: choose_device(settings)?,
             closed: ClosedTest::none(),
             near_field: settings.near_field,
+            format: settings.atlas_format,
             census: settings.diagnostics,
             near_field_rays: AtomicU64::new(0),
         })
@@ -147,6 +151,7 @@ impl World {
         self.tree = run.clock.time(Stage::Tree, || (settings.lod > 0.0).then(|| self.surfel_tree()));
         self.drawables = Drawables::new(&self.cloud, self.tree.as_ref());
         self.drawables.enclosing = self.closed.encloses();
+        self.round_light();
         run.reporter.verbose(|| self.surfels_in_words(settings));
         let near_field = settings.near_field > 0.0;
         self.bounce(settings, near_field, run)?;
@@ -232,7 +237,7 @@ impl World {
         let made = run
             .clock
             .time(Stage::Convolve, || transfer.bounce(cloud, tree, background, among_surfels, tolerance))?;
-        self.drawables.relight(&self.cloud, self.tree.as_ref());
+        self.relight();
         run.reporter.verbose(|| format!("light bounced {made} times among {} surfels", self.cloud.len()));
         Ok(())
     }
@@ -245,9 +250,23 @@ impl World {
                 *light = (*light - emission).max(Vec3::ZERO);
             }
         }
-        self.drawables.relight(&self.cloud, self.tree.as_ref());
+        self.relight();
         if let Some(lookup) = &mut self.lookup {
             *lookup = RadianceLookup::new(&self.accel, &self.closed, &self.cloud);
+        }
+    }
+
+    /// Gives drawables the light of the surfels.
+    fn relight(&mut self) {
+        self.drawables.relight(&self.cloud, self.tree.as_ref());
+        self.round_light();
+    }
+
+    /// Rounds the light of drawables to what an atlas of colours can hold, once for all gathers and devices.
+    fn round_light(&mut self) {
+        let Drawables { radiance, back_radiance, .. } = &mut self.drawables;
+        for light in radiance.iter_mut().chain(back_radiance) {
+            *light = self.format.radiance(*light);
         }
     }
 
@@ -308,7 +327,8 @@ impl World {
 
     /// Turns surfel ids into irradiance.
     pub fn convolver(&self) -> Convolver<'_> {
-        let mut convolver = Convolver::new(&self.drawables, &self.weights, self.scene.background);
+        let mut convolver =
+            Convolver::new(&self.drawables, &self.weights, self.scene.background).with_format(self.format);
         if self.census {
             convolver = convolver.with_census();
         }

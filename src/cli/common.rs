@@ -7,7 +7,9 @@ use crate::hemicube::frame::{MAX_RESOLUTION, MIN_RESOLUTION};
 use crate::progress::Reporter;
 use crate::run::Run;
 use crate::scene::{Camera, PunctualEmission, PunctualLight, Scene, SceneDescription, default_framing, load};
-use crate::settings::{BatchSize, Bounces, GatherMethod, Quality, Route, Settings, SurfelDensity};
+use crate::settings::{
+    AtlasFormat, BatchSize, Bounces, GatherMethod, Quality, Route, Settings, SurfelDensity,
+};
 use crate::surfel::cloud::{SurfelCloud, SurfelShape};
 use clap::Args;
 use glam::{DVec3, Vec3};
@@ -116,6 +118,10 @@ pub struct TransportArgs {
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     pub gather_samples: Option<u32>,
 
+    /// What hemicubes hold; colours leave rays nothing to go by, so that they are gathered with --near-field 0
+    #[arg(long, value_enum, value_name = "FORMAT", default_value_t)]
+    pub atlas_format: AtlasFormat,
+
     /// How a Vulkan device draws hemicubes: auto, raster or compute (auto: software drivers compute small faces)
     #[arg(long, value_name = "ROUTE", default_value = "auto")]
     pub vulkan_route: Route,
@@ -185,7 +191,8 @@ impl TransportArgs {
 
     /// The settings of a grade, as far as the user leaves them open. Beyond the named qualities, rays reach an error sooner than hemicubes.
     pub fn settings_at(&self, grade: Grade) -> Settings {
-        let beyond = grade.number() > BEST_OF_HEMICUBES && self.device == DeviceRequest::Auto;
+        let any = self.device == DeviceRequest::Auto && !self.atlas_format.is_colour();
+        let beyond = grade.number() > BEST_OF_HEMICUBES && any;
         let open = if beyond { GatherMethod::Traced } else { GatherMethod::Hemicube };
         self.with_own(grade.settings(self.gather(open)))
     }
@@ -203,17 +210,19 @@ impl TransportArgs {
             (_, _, Some(n)) => SurfelDensity::Count(n),
             _ => quality.density,
         };
+        let near_field = if self.atlas_format.is_colour() { 0.0 } else { quality.near_field };
         Settings {
             device: self.device.clone(),
             face_resolution: self.face_resolution.unwrap_or(quality.face_resolution),
             density,
             shape: self.surfel_shape,
             lod: self.lod.unwrap_or(quality.lod),
-            near_field: self.near_field.unwrap_or(quality.near_field),
+            near_field: self.near_field.unwrap_or(near_field),
             interpolate: self.interpolate.map_or(quality.interpolate, |Interpolate(tolerance)| tolerance),
             bounces: self.bounces,
             light_samples: self.light_samples.unwrap_or(quality.light_samples),
             gather_samples: self.gather_samples.unwrap_or(quality.gather_samples),
+            atlas_format: self.atlas_format,
             vulkan_route: self.vulkan_route,
             batch: self.batch,
             frames_in_flight: self.frames_in_flight,

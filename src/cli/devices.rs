@@ -70,6 +70,7 @@ fn details(device: &Capabilities) -> String {
     let summed = if device.sums() { ", and summed up there where no rays replace pixels" } else { "" };
     line("strategy", format!("hemicubes are {drawn}{summed}; batches measured to take 50 ms at most"));
     line("", format!("{path}: {reason}"));
+    line("", "colours, where --atlas-format asks for them, are always rasterised".into());
     text
 }
 

@@ -169,8 +169,15 @@ pub(super) fn arc(a: DVec3, b: DVec3) -> (DVec3, DVec3) {
             if square < SHORT { power_series(square, &ARCSINE[..5]) } else { power_series(square, &ARCSINE) };
         return (sine * series, sine);
     }
+    let arc = exact_arc(a, b);
+    if arc == DVec3::ZERO { (arc, arc) } else { (arc, sine) }
+}
+
+/// [`arc`] without series, for arcs that all but cancel.
+pub(super) fn exact_arc(a: DVec3, b: DVec3) -> DVec3 {
+    let cross = a.cross(b - a);
     let length = cross.length();
-    if length > 0.0 { (cross * (length.atan2(cosine) / length), sine) } else { (DVec3::ZERO, DVec3::ZERO) }
+    if length > 0.0 { cross * (length.atan2(a.dot(b)) / length) } else { DVec3::ZERO }
 }
 
 #[cfg(test)]

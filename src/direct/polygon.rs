@@ -19,6 +19,10 @@ pub(super) const CAPACITY: usize = 33;
 /// of scene coordinates, so that no receiver is lit by the emitter that it lies on.
 const IN_PLANE: f64 = 2e-7;
 
+/// Share of Lambert's sum that is left of its terms where the receiver nearly lies in the polygon's plane, so that the error of
+/// their series would show.
+const GRAZED: f64 = 1e-6;
+
 /// From further away than so many times its largest half-width, points of a polygon count for about the same irradiance each,
 /// wherever they are on it: within a factor of 1.8 of the middle's.
 const FAR: f32 = 4.0;
@@ -65,13 +69,13 @@ impl LocalPolygon {
 /// half the sum over the edges of the angle that an edge subtends times the z of the unit normal of its plane. The
 /// polygon must lie above the horizon.
 pub(super) fn lambert(corners: &[DVec3]) -> f64 {
-    let next = corners.iter().cycle().skip(1);
-    let sum: f64 = corners.iter().zip(next).map(|(a, b)| edge(*a, *b)).sum();
-    0.5 * sum.abs()
-}
-
-fn edge(a: DVec3, b: DVec3) -> f64 {
-    contour::arc(a, b).0.z
+    let edges = || corners.iter().zip(corners.iter().cycle().skip(1));
+    let (sum, terms) = edges()
+        .map(|(a, b)| contour::arc(*a, *b).0.z)
+        .fold((0.0, 0.0), |(sum, terms), term| (sum + term, terms + f64::abs(term)));
+    let cancelled = f64::abs(sum) < GRAZED * terms;
+    let sum = if cancelled { edges().map(|(a, b)| contour::exact_arc(*a, *b).z).sum() } else { sum };
+    0.5 * f64::abs(sum)
 }
 
 /// A convex polygon that emits.

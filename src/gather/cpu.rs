@@ -234,6 +234,9 @@ impl Gatherer for CpuGatherer<'_> {
     }
 
     fn strategy(&self) -> String {
-        format!("hemicubes are drawn on the CPU, up to {} a batch", self.batch_size())
+        let format = self.estimator.as_ref().map(Estimator::format).filter(|format| format.is_colour());
+        let rounded =
+            format.map_or_else(String::new, |format| format!(", rounded as {} rounds", format.name()));
+        format!("hemicubes are drawn on the CPU, up to {} a batch{rounded}", self.batch_size())
     }
 }

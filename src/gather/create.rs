@@ -10,6 +10,7 @@ use super::vulkan::{BatchSize, DeviceKind, VulkanGatherer, VulkanSettings, list_
 use crate::accel::Accel;
 use crate::direct::Lights;
 use crate::error::{Error, Result};
+use crate::hemicube::colour::AtlasFormat;
 use crate::hemicube::convolve::Convolver;
 use crate::settings::{GatherMethod, Settings};
 use crate::surfel::drawable::Drawables;
@@ -24,8 +25,9 @@ const CPU_BATCH_TEXELS: usize = 1024 * 192;
 /// The device that will gather, and why. Rays run on the CPU, whatever the device.
 ///
 /// # Errors
-/// When the device that was asked for is not there.
+/// When the device that was asked for is not there, or the settings do not go together.
 pub fn choose_device(settings: &Settings) -> Result<Choice> {
+    settings.check()?;
     match settings.gather {
         GatherMethod::Hemicube => choose(&settings.device),
         GatherMethod::Traced | GatherMethod::MonteCarlo | GatherMethod::None => {
@@ -92,7 +94,9 @@ pub fn create<'a>(
                 validation: settings.validation,
                 ..VulkanSettings::default()
             };
-            open_vulkan(index, drawables, convolver, vulkan)?
+            // Who wants ids to convolve them by other means gets ids.
+            let format = if convolver.is_some() { settings.atlas_format } else { AtlasFormat::Id };
+            open_vulkan(index, drawables, (format, convolver), vulkan)?
         }
     })
 }
@@ -103,15 +107,15 @@ pub fn create<'a>(
 fn open_vulkan(
     index: usize,
     drawables: &Drawables,
-    convolver: Option<Convolver<'_>>,
+    (format, convolver): (AtlasFormat, Option<Convolver<'_>>),
     settings: VulkanSettings,
 ) -> Result<Box<dyn Gatherer + 'static>> {
-    let summed =
-        convolver.filter(|convolver| !convolver.sends_rays() && kind(index) != Some(DeviceKind::Cpu));
+    let hardware = kind(index) != Some(DeviceKind::Cpu);
+    let summed = convolver.filter(|convolver| hardware && !format.is_colour() && !convolver.sends_rays());
     if let Some(convolver) = summed {
         return Ok(Box::new(VulkanGatherer::summing(index, drawables, convolver.weights(), settings)?));
     }
-    let open = || VulkanGatherer::new(index, &drawables.splats, drawables.shape, settings);
+    let open = || VulkanGatherer::of_drawables(index, drawables, format, settings);
     let first = open()?;
     if first.device().kind != DeviceKind::Cpu || first.computes() || rayon::current_num_threads() < 2 {
         return Ok(Box::new(first));

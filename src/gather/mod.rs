@@ -14,6 +14,7 @@ pub mod vulkan;
 
 use crate::error::{Error, Result};
 use crate::hemicube::atlas::IdAtlas;
+use crate::hemicube::colour::ColourAtlas;
 pub use crate::hemicube::frame::Estimate;
 use crate::hemicube::frame::{MAX_RESOLUTION, MIN_RESOLUTION, Receiver};
 use crate::hemicube::near_field::Sums;
@@ -46,6 +47,8 @@ pub struct Group {
 pub enum Output {
     /// Hemicube tiles of surfel ids, tile `i` for receiver `i`; to be convolved.
     Ids(IdAtlas),
+    /// Hemicube tiles of colours; to be convolved.
+    Colours(ColourAtlas),
     /// Sums over the pixels of hemicubes, receiver by receiver; to be finished.
     Sums(Vec<Sums>),
     /// Irradiance and distances, receiver by receiver.

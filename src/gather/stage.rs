@@ -45,6 +45,7 @@ fn finish(gatherer: &mut dyn Gatherer, run: &Run) -> Result<Option<Gathered>> {
         gathered.batch.groups.iter().for_each(|group| run.counters.count_cut(group.drawables as usize));
         match &gathered.output {
             Output::Ids(atlas) => run.counters.count_readback(gatherer.readback_bytes(atlas)),
+            Output::Colours(atlas) => run.counters.count_readback(atlas.bytes()),
             Output::Sums(sums) => run.counters.count_readback(size_of_val(sums.as_slice())),
             Output::Estimates(_) => {}
         }

@@ -1,6 +1,7 @@
 //! From the ids of a hemicube to the irradiance at its foot: E = pi sum(weight x radiance).
 
 use super::atlas::{EMPTY, IdAtlas};
+use super::colour::AtlasFormat;
 use super::frame::{Coverage, Estimate, FACES, Receiver, rows};
 use super::near_field::{Depths, Drawn, NearField, Sums};
 use super::tile_sums::TileSums;
@@ -27,12 +28,14 @@ pub struct Convolver<'a> {
     pub(super) near: Option<NearField<'a>>,
     /// Whether backs are counted.
     pub(super) census: bool,
+    /// What the drawables' light has been rounded to.
+    pub(super) format: AtlasFormat,
 }
 
 impl<'a> Convolver<'a> {
     /// A convolver; `background` is the radiance of pixels that nothing covers.
     pub fn new(drawables: &'a Drawables, weights: &'a Weights, background: Vec3) -> Self {
-        Self { drawables, weights, background, near: None, census: false }
+        Self { drawables, weights, background, near: None, census: false, format: AtlasFormat::Id }
     }
 
     /// Lets rays see what is near.
@@ -43,6 +46,11 @@ impl<'a> Convolver<'a> {
     /// Counts the pixels that show black backs, too.
     pub fn with_census(self) -> Self {
         Self { census: true, ..self }
+    }
+
+    /// Rounds as an atlas of that format does, whose radiances the drawables have already.
+    pub fn with_format(self, format: AtlasFormat) -> Self {
+        Self { format, ..self }
     }
 
     /// Irradiance at the receiver of tile `i`, and how close what it sees is.

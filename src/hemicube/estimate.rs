@@ -1,6 +1,7 @@
 //! Irradiance straight from a drawn hemicube, while its pixels are still in the cache: what [`super::convolve`] does for
 //! ids that come back from a device.
 
+use super::colour::AtlasFormat;
 use super::convolve::{Convolver, GREATEST_INVERSE_DEPTH};
 use super::frame::{Estimate, Receiver};
 use super::near_field::{Drawn, NearField, Sums};
@@ -31,6 +32,11 @@ impl<'a> Estimator<'a> {
     /// An estimator that finds what `convolver` finds.
     pub fn new(convolver: Convolver<'a>) -> Self {
         Self { convolver }
+    }
+
+    /// The format whose rounding it follows.
+    pub fn format(&self) -> AtlasFormat {
+        self.convolver.format
     }
 
     /// Looks up the light of a list of drawables.
@@ -73,7 +79,10 @@ impl<'a> Estimator<'a> {
         let sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
         let mut sums = Sums {
             radiance: sum.xyz(),
-            closeness: closeness.iter().sum(),
+            closeness: match self.convolver.format {
+                AtlasFormat::Id | AtlasFormat::Rgba32f => closeness.iter().sum(),
+                AtlasFormat::Rgba16f => self.rounded_closeness(raster),
+            },
             covered: sum.w,
             back: self.back(raster, by_mark),
             ..Sums::default()
@@ -82,6 +91,14 @@ impl<'a> Estimator<'a> {
             sums += self.correction(near, raster, by_mark, receiver);
         }
         self.convolver.finish(&sums, receiver)
+    }
+
+    /// How close everything is, from inverse depths as a texel holds them.
+    fn rounded_closeness(&self, raster: &Raster) -> f32 {
+        let kept = |depth: f32| self.convolver.format.inverse_depth(depth).min(GREATEST_INVERSE_DEPTH);
+        let pixels = raster.blocks().zip(self.convolver.weights.blocks());
+        let pixels = pixels.flat_map(|((_, depths), block)| depths.iter().zip(&block.closeness));
+        pixels.map(|(&depth, by_length)| kept(depth) * by_length).sum()
     }
 
     /// Weight of the pixels that show black backs; 0 where they are not counted.

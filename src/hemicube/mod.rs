@@ -5,6 +5,7 @@
 pub mod atlas;
 pub mod bins;
 pub mod bounds;
+pub mod colour;
 pub mod convolve;
 pub mod cover;
 pub mod estimate;

@@ -105,9 +105,10 @@ impl NearField<'_> {
         let mut rays = 0;
         for face in 0..FACES {
             let depths = depths(face);
-            let edges = edges(&depths, n, rows(face, weights.resolution) as usize);
-            for (i, &on_edge) in edges.iter().enumerate() {
-                let (x, y) = (i % n, i / n);
+            let mut edges = edges(&depths, n, rows(face, weights.resolution) as usize);
+            let mut todo = Pixels::of(edges.len());
+            while let Some(i) = todo.next() {
+                let (x, y, on_edge) = (i % n, i / n, edges[i]);
                 let (weight, by_length) = (weights.face(face)[i], weights.closeness(face)[i]);
                 let depth = depths.values[y * depths.stride + x];
                 // Reach > distance, times by_length: the weight is by_length times the direction's length, which is over 1.
@@ -115,8 +116,12 @@ impl NearField<'_> {
                 if !on_edge && (furthest * depth <= 1.0 || !near()) {
                     continue;
                 }
+                edges[i] = true;
                 let seen = self.look(receiver, &frame, (face, x, y), n);
                 let drawn = drawn(face, x, y);
+                if self.overhangs(&drawn, depth, seen.1 * weight / by_length, n) {
+                    todo.add_neighbours(&mut edges, i, n);
+                }
                 change.radiance += weight * (seen.0 - drawn.radiance);
                 change.closeness += weight * seen.1 - by_length * depth;
                 change.covered += if depth > 0.0 { 0.0 } else { weight };
@@ -128,6 +133,13 @@ impl NearField<'_> {
         }
         self.rays.fetch_add(rays, Ordering::Relaxed);
         change
+    }
+
+    /// Whether a surfel that was drawn at an inverse depth is not there, by the ray that saw another one, and is so large that it
+    /// hides more pixels.
+    fn overhangs(&self, drawn: &Drawn, depth: f32, seen: f32, n: usize) -> bool {
+        let pixels = drawn.reach / self.radii * depth * (0.5 * n as f32);
+        pixels > 1.0 && depth > seen * EDGE
     }
 
     /// Radiance, and 1 / distance, of what the ray through the centre of a pixel (face, x, y) meets.
@@ -148,6 +160,41 @@ impl NearField<'_> {
         match accel.closest_point(origin, direction, f32::INFINITY) {
             Some(hit) => (self.light.radiance(&ray, &hit), 1.0 / hit.t.max(RAY_OFFSET)),
             None => (accel.scene().background, 0.0),
+        }
+    }
+}
+
+/// The pixels of a face, one by one: each once, and once more those that turned out to stand at an edge after they had been passed.
+struct Pixels {
+    /// The next one in order.
+    next: usize,
+    count: usize,
+    again: Vec<usize>,
+}
+
+impl Pixels {
+    fn of(count: usize) -> Self {
+        Self { next: 0, count, again: Vec::new() }
+    }
+
+    fn next(&mut self) -> Option<usize> {
+        let next = self.next;
+        if next < self.count {
+            self.next += 1;
+            return Some(next);
+        }
+        self.again.pop()
+    }
+
+    /// Marks the pixels beside `i` as standing at an edge, too; those that are marked already have been seen by a ray, or will be.
+    fn add_neighbours(&mut self, edges: &mut [bool], i: usize, n: usize) {
+        let left = (!i.is_multiple_of(n)).then(|| i - 1);
+        let right = (i % n + 1 < n).then_some(i + 1);
+        let below = Some(i + n).filter(|&j| j < edges.len());
+        for j in [left, right, i.checked_sub(n), below].into_iter().flatten() {
+            if !std::mem::replace(&mut edges[j], true) && j < self.next {
+                self.again.push(j);
+            }
         }
     }
 }

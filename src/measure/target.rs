@@ -239,6 +239,9 @@ fn options(s: &Settings) -> String {
         SurfelDensity::PerPrimitive(n) => format!("--surfels-per-primitive {n}"),
     };
     options += &format!(" --gather {} --face-resolution {}", s.gather.name(), s.face_resolution);
+    if s.atlas_format.is_colour() {
+        options += &format!(" --atlas-format {}", s.atlas_format.name());
+    }
     options += &format!(" --lod {:.3} --near-field {:.3}", s.lod, s.near_field);
     let tolerance = s.interpolate.map_or_else(|| "off".into(), |tolerance| format!("{tolerance:.6}"));
     options += &format!(" --interpolate {tolerance} --gather-samples {}", s.gather_samples);

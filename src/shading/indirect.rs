@@ -155,19 +155,32 @@ pub fn reflects(scene: &Scene, point: &ShadingPoint) -> bool {
 
 /// What a finished batch found out.
 pub fn convolve(gathered: Gathered, convolver: &Convolver) -> Vec<Estimate> {
+    let receivers = &gathered.batch.receivers;
     match gathered.output {
         Output::Estimates(estimates) => estimates,
         Output::Sums(sums) => {
-            let receivers = &gathered.batch.receivers;
             sums.iter().zip(receivers).map(|(sums, receiver)| convolver.finish(sums, receiver)).collect()
         }
-        Output::Ids(atlas) => gathered
-            .batch
-            .receivers
-            .par_iter()
-            .with_min_len(if convolver.sends_rays() { RAYS_AT_ONCE } else { CONVOLVED_AT_ONCE })
-            .enumerate()
-            .map(|(i, receiver)| convolver.estimate(&atlas, i, receiver))
-            .collect(),
+        Output::Ids(atlas) => {
+            let at_once = if convolver.sends_rays() { RAYS_AT_ONCE } else { CONVOLVED_AT_ONCE };
+            each(receivers, at_once, |i, receiver| convolver.estimate(&atlas, i, receiver))
+        }
+        Output::Colours(atlas) => {
+            each(receivers, CONVOLVED_AT_ONCE, |i, receiver| convolver.estimate_colours(&atlas, i, receiver))
+        }
     }
+}
+
+/// Estimates at all receivers; a worker takes `at_once` of them, at least.
+fn each(
+    receivers: &[Receiver],
+    at_once: usize,
+    estimate: impl Fn(usize, &Receiver) -> Estimate + Sync,
+) -> Vec<Estimate> {
+    receivers
+        .par_iter()
+        .with_min_len(at_once)
+        .enumerate()
+        .map(|(i, receiver)| estimate(i, receiver))
+        .collect()
 }

@@ -110,6 +110,9 @@ fn impossible_wishes_are_refused_before_the_work() {
         (vec!["--look-from", "0,9,0", "--look-at", "0,5,0"], "up"),
         (vec!["-q", "-v"], "--verbose"),
         (vec!["--aov", "error", "--interpolate", "off"], "--interpolate"),
+        (vec!["--atlas-format", "rgba16f", "--near-field", "4"], "--near-field 0"),
+        (vec!["--atlas-format", "rgba32f", "--vulkan-route", "compute"], "--vulkan-route raster"),
+        (vec!["--atlas-format", "rgb8"], "--atlas-format"),
     ] {
         let outcome = surflux(&[&["render", &cornell, "-o", &exr], &words[..]].concat()).expect(2);
         assert!(outcome.stderr.contains(cause), "{words:?}: {}", outcome.stderr);

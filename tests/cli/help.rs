@@ -3,11 +3,11 @@
 use crate::support::surflux;
 
 const SCENE: &str = "--point-light --background";
-const TRANSPORT: &str = "--device --gather --face-resolution --surfels --surfel-spacing --surfels-per-primitive \
+const TRANSPORT: &str = "--device --gather --atlas-format --face-resolution --surfels --surfel-spacing --surfels-per-primitive \
                          --surfel-cloud --surfel-shape --quality --lod --near-field --interpolate --bounces --light-samples --gather-samples --batch \
                          --frames-in-flight --seed --threads --validate --vulkan-route --quiet --verbose --help --version";
 
-const SWEEP: &str = "--point-light --background --vary --quality --only-listed --gather --device --face-resolution --surfels \
+const SWEEP: &str = "--point-light --background --vary --quality --only-listed --gather --device --atlas-format --face-resolution --surfels \
                      --surfel-spacing --lod --near-field --interpolate --bounces --light-samples --gather-samples \
                      --samples --reference --reference-noise --mask --measure --repeat --json --plot --against --with \
                      --width --height --seed --threads --look-from --look-at --up --fov --quiet --verbose --help \

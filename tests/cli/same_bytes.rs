@@ -68,6 +68,13 @@ fn on_lavapipe_without_clusters() {
 }
 
 #[test]
+fn on_lavapipe_as_colours() {
+    if lavapipe() {
+        check("lavapipe", &["--atlas-format", "rgba16f"], &["--bounces", "2"]);
+    }
+}
+
+#[test]
 fn seeds_change_the_picture() {
     let (folder, scene) = (Folder::new(), scene("cornell-box.pov"));
     let picture = |seed| folder.bytes("a.exr", &[&["render", &scene, "--seed", seed], &SMALL[..]].concat());

@@ -141,6 +141,30 @@ fn a_picture_measured_against_itself_has_no_error() {
 }
 
 #[test]
+fn formats_of_the_atlas_are_settings() {
+    let folder = Folder::new();
+    let formats = ["id", "rgba16f", "rgba32f"];
+    let words = ["--atlas-format", &formats.join(","), "--interpolate", "off", "--near-field", "0"];
+    let outcome = sweep(&folder, &words).expect(0);
+    assert!(outcome.stdout.contains("atlas format"), "{}", outcome.stdout);
+    let lines = lines(&folder);
+    for surfels in [300, 600] {
+        let of = |format: &str| {
+            let is = |line: &&Value| {
+                line["settings"]["atlas_format"] == format && line["settings"]["surfels"] == surfels
+            };
+            lines.iter().find(is).unwrap()["error"]["relmse"].as_f64().unwrap()
+        };
+        let [id, half, float] = formats.map(of);
+        assert!((float / id - 1.0).abs() < 1e-3, "{float} is the error of {id}");
+        assert!((half / id - 1.0).abs() < 0.05, "{half} is nearly the error of {id}");
+        assert_ne!(half, id, "halves are rounded");
+    }
+    let each = sweep(&folder, &["--vary", "each", "--atlas-format", "id,rgba16f"]).expect(0);
+    assert!(each.stdout.contains("rgba16f"), "{}", each.stdout);
+}
+
+#[test]
 fn settings_that_do_not_matter_are_not_rendered_twice() {
     let folder = Folder::new();
     let outcome = sweep(&folder, &["--gather", "none", "--lod", "1,2"]).expect(0);
@@ -157,6 +181,7 @@ fn wrong_input_is_refused_before_anything_is_written() {
         (&["--interpolate", "0.1,often"], "--interpolate"),
         (&["--bounces", "1,many"], "--bounces"),
         (&["--device", "voodoo"], "voodoo"),
+        (&["--atlas-format", "id,rgba16f", "--near-field", "0,4"], "--near-field 0"),
         (&["--surfel-spacing", "1"], "--surfels"),
         (&["--vary", "together", "--lod", "1,2,3"], "equally long"),
         (&["--plot", "a.pdf"], ".svg"),

@@ -62,10 +62,11 @@ pub fn candidates(args: &SweepArgs) -> Result<Vec<Resolved>> {
     Ok(resolved)
 }
 
-/// Finds absent devices before hours of work.
+/// Finds absent devices and settings that do not go together before hours of work.
 fn check_devices(candidates: &[Resolved]) -> Result<()> {
     let mut known = Vec::new();
     for Resolved { settings, .. } in candidates {
+        settings.check()?;
         if !known.contains(&(settings.gather, &settings.device)) {
             choose_device(settings)?;
             known.push((settings.gather, &settings.device));

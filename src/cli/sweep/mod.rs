@@ -116,6 +116,10 @@ struct Lists {
     #[arg(long, value_name = "LIST", value_delimiter = ',', allow_hyphen_values = true)]
     device: Vec<String>,
 
+    /// What hemicubes hold: id, rgba16f, rgba32f; colours go with --near-field 0 only
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    atlas_format: Vec<String>,
+
     /// Pixels along a hemicube face's edge
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     face_resolution: Vec<String>,
@@ -163,6 +167,7 @@ impl Lists {
         let of = |setting: Setting| match setting {
             Setting::Gather => &self.gather,
             Setting::Device => &self.device,
+            Setting::AtlasFormat => &self.atlas_format,
             Setting::FaceResolution => &self.face_resolution,
             Setting::Surfels => &self.surfels,
             Setting::SurfelSpacing => &self.surfel_spacing,

@@ -42,9 +42,11 @@ fn value(setting: Setting, settings: &Settings, device: &str) -> Value {
     let matters = match setting {
         Setting::Gather | Setting::LightSamples | Setting::Samples => true,
         Setting::Bounces | Setting::Interpolate => settings.gather != Nothing,
-        Setting::Device | Setting::FaceResolution | Setting::Lod | Setting::NearField => {
-            settings.gather == Hemicube
-        }
+        Setting::Device
+        | Setting::AtlasFormat
+        | Setting::FaceResolution
+        | Setting::Lod
+        | Setting::NearField => settings.gather == Hemicube,
         Setting::Surfels | Setting::SurfelSpacing => matches!(settings.gather, Hemicube | Traced),
         Setting::GatherSamples => matches!(settings.gather, Traced | MonteCarlo),
     };
@@ -54,6 +56,7 @@ fn value(setting: Setting, settings: &Settings, device: &str) -> Value {
     match (setting, settings.density) {
         (Setting::Gather, _) => json!(gather_name(settings.gather)),
         (Setting::Device, _) => json!(device),
+        (Setting::AtlasFormat, _) => json!(settings.atlas_format.name()),
         (Setting::FaceResolution, _) => json!(settings.face_resolution),
         (Setting::Surfels, SurfelDensity::Count(count)) => json!(count),
         (Setting::SurfelSpacing, SurfelDensity::Spacing(distance)) => json!(distance),

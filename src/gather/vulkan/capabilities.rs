@@ -3,8 +3,10 @@
 use super::devices::{self, DeviceKind, graphics_family, physical_devices, shuffling_lanes};
 use super::instance::Instance;
 use super::memory::{self, MemoryPath};
+use super::pass::texel_format;
 use super::settings::Route;
 use crate::error::{Error, Result};
+use crate::hemicube::colour::AtlasFormat;
 use ash::vk;
 use std::fmt;
 
@@ -171,6 +173,8 @@ fn features(
         ("large points", large_points),
         ("timestamps", timestamps(instance, device)),
         ("host memory import", offers_import(instance, device)),
+        ("rgba16f atlases", draws_into(instance, device, texel_format(AtlasFormat::Rgba16f))),
+        ("rgba32f atlases", draws_into(instance, device, texel_format(AtlasFormat::Rgba32f))),
     ]
 }
 
@@ -178,6 +182,13 @@ fn timestamps(instance: &Instance, device: vk::PhysicalDevice) -> bool {
     // SAFETY: the device belongs to the instance.
     let families = unsafe { instance.raw.get_physical_device_queue_family_properties(device) };
     graphics_family(instance, device).is_some_and(|family| families[family as usize].timestamp_valid_bits > 0)
+}
+
+/// Whether the device can draw texels of a format.
+pub(super) fn draws_into(instance: &Instance, device: vk::PhysicalDevice, format: vk::Format) -> bool {
+    // SAFETY: the device belongs to the instance.
+    let properties = unsafe { instance.raw.get_physical_device_format_properties(device, format) };
+    properties.optimal_tiling_features.contains(vk::FormatFeatureFlags::COLOR_ATTACHMENT)
 }
 
 /// Whether the device can use memory of the host's own.

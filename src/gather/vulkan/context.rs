@@ -1,6 +1,6 @@
 //! The logical device: queue, memory allocator, names.
 
-use super::capabilities::offers_import;
+use super::capabilities::{draws_into, offers_import};
 use super::devices::{self, DeviceInfo, DeviceKind};
 use super::instance::Instance;
 use super::pipeline_cache::Maker;
@@ -44,8 +44,9 @@ pub(super) struct Context {
     pub timestamp_seconds: Option<f64>,
     names: Option<ext::debug_utils::Device>,
     allocator: Mutex<ManuallyDrop<Allocator>>,
+    physical: vk::PhysicalDevice,
     // Dropped after the device, which `Drop` destroys.
-    _instance: Arc<Instance>,
+    instance: Arc<Instance>,
 }
 
 impl Context {
@@ -113,8 +114,14 @@ impl Context {
             timestamp_seconds: timestamps.then(|| f64::from(properties.limits.timestamp_period) * 1e-9),
             allocator: Mutex::new(ManuallyDrop::new(allocator)),
             device,
-            _instance: instance,
+            physical,
+            instance,
         })
+    }
+
+    /// Whether texels of a format can be drawn and copied.
+    pub fn draws_into(&self, format: vk::Format) -> bool {
+        draws_into(&self.instance, self.physical, format)
     }
 
     /// Whether a memory type has all of these properties.

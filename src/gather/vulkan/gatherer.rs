@@ -1,4 +1,4 @@
-//! Batches in, ids out, several batches under way at once.
+//! Batches in, ids, colours or sums out, several batches under way at once.
 
 use super::capabilities::memory_type;
 use super::clock::DeviceClock;
@@ -19,7 +19,8 @@ use super::vertices::{SplatBuffers, tile_parts, write_instances};
 use crate::error::{Error, Result};
 use crate::gather::submits::SubmitTimes;
 use crate::gather::{Batch, Gathered, Gatherer, Output, check_resolution};
-use crate::hemicube::atlas::{AtlasLayout, IdAtlas};
+use crate::hemicube::atlas::{AtlasLayout, EMPTY, IdAtlas};
+use crate::hemicube::colour::{AtlasFormat, ColourAtlas, SideColours, side_colours};
 use crate::hemicube::near_field::Sums;
 use crate::hemicube::weights::Weights;
 use crate::surfel::cloud::{Splat, SurfelShape};
@@ -64,10 +65,29 @@ pub struct VulkanGatherer {
     context: Arc<Context>,
 }
 
-/// A batch that was handed in; its output comes from one or more submits.
+/// What a gatherer shall bring back.
+#[derive(Clone, Copy)]
+enum Wanted<'a> {
+    Ids,
+    /// In a format, of these surfels.
+    Colours(AtlasFormat, &'a [SideColours]),
+    /// Of the light of these surfels, by these weights.
+    Sums(&'a Drawables, &'a Weights),
+}
+
+/// What submits have found of a batch.
+enum Found {
+    /// A packed atlas.
+    Texels(Vec<u32>),
+    /// Sums, hemicube by hemicube.
+    Sums(Vec<Sums>),
+}
+
+/// A batch that was handed in; what is found comes from one or more submits.
 struct Job {
     batch: Batch,
-    output: Output,
+    layout: AtlasLayout,
+    found: Found,
     pending: usize,
     /// Surfels that a hemicube draws on average.
     splats: f64,
@@ -96,15 +116,30 @@ struct Started {
 }
 
 impl VulkanGatherer {
-    /// Opens device `index` (see [`list_devices`](super::list_devices)) and copies the surfels to it.
+    /// Opens device `index` (see [`list_devices`](super::list_devices)) and copies the surfels to it. It gives ids.
     ///
     /// # Errors
     /// When a setting is out of range, or the device cannot be opened or has too little memory for a single hemicube.
     pub fn new(index: usize, splats: &[Splat], shape: SurfelShape, settings: VulkanSettings) -> Result<Self> {
-        Self::open(index, splats, shape, None, settings)
+        Self::open(index, (splats, shape), Wanted::Ids, settings)
     }
 
-    /// The same with the light of the surfels: what comes back are sums over the pixels of hemicubes, made on the device. Where it
+    /// A gatherer of ids, or of colours: those that the drawables have now.
+    ///
+    /// # Errors
+    /// As [`VulkanGatherer::new`]; when colours shall be computed, or the device cannot draw them.
+    pub fn of_drawables(
+        index: usize,
+        drawables: &Drawables,
+        format: AtlasFormat,
+        settings: VulkanSettings,
+    ) -> Result<Self> {
+        let colours = format.is_colour().then(|| side_colours(drawables));
+        let wanted = colours.as_deref().map_or(Wanted::Ids, |colours| Wanted::Colours(format, colours));
+        Self::open(index, (&drawables.splats, drawables.shape), wanted, settings)
+    }
+
+    /// One that knows the light of the surfels: what comes back are sums over the pixels of hemicubes, made on the device. Where it
     /// cannot, because it draws face by face or has no room for the light, ids come back nevertheless.
     ///
     /// # Errors
@@ -115,30 +150,36 @@ impl VulkanGatherer {
         weights: &Weights,
         settings: VulkanSettings,
     ) -> Result<Self> {
-        Self::open(index, &drawables.splats, drawables.shape, Some((drawables, weights)), settings)
+        let wanted = Wanted::Sums(drawables, weights);
+        Self::open(index, (&drawables.splats, drawables.shape), wanted, settings)
     }
 
     fn open(
         index: usize,
-        splats: &[Splat],
-        shape: SurfelShape,
-        light: Option<(&Drawables, &Weights)>,
+        (splats, shape): (&[Splat], SurfelShape),
+        wanted: Wanted<'_>,
         settings: VulkanSettings,
     ) -> Result<Self> {
         check_resolution(settings.resolution)?;
         let log = ValidationLog::default();
         let context = Context::new(index, settings.validation.then_some(&log))?;
         let parts = tile_parts(settings.resolution, context.limits.point_size_range[1] as u32);
-        let method = Method::new(&context, shape, splats.len(), &settings)?;
-        let buffers = SplatBuffers::new(&context, splats, shape, method.usages().surfels)
+        let (format, colours) = match wanted {
+            Wanted::Colours(format, colours) => (format, Some(colours)),
+            Wanted::Ids | Wanted::Sums(..) => (AtlasFormat::Id, None),
+        };
+        let method = Method::new(&context, (shape, format), splats.len(), &settings)?;
+        let buffers = SplatBuffers::new(&context, splats, shape, colours, method.usages().surfels)
             .map_err(|result| context.error("copying the surfels", result))?;
         let memory = memory_path(&context, &method, settings.memory)?;
         let whole = settings.faces == FacesPerPass::All && Convolve::fits(&context, splats.len());
-        let convolve = light
-            .filter(|_| whole && !splats.is_empty())
-            .map(|(drawables, weights)| Convolve::new(&context, drawables, weights))
-            .transpose()
-            .map_err(|result| context.error("building the convolution", result))?;
+        let convolve = match wanted {
+            Wanted::Sums(drawables, weights) if whole && !splats.is_empty() => {
+                Convolve::new(&context, drawables, weights).map(Some)
+            }
+            _ => Ok(None),
+        };
+        let convolve = convolve.map_err(|result| context.error("building the convolution", result))?;
         let gear = Gear {
             context: &context,
             method: &method,
@@ -365,7 +406,7 @@ impl VulkanGatherer {
         true
     }
 
-    /// Waits for the oldest submit and puts its ids where they belong.
+    /// Waits for the oldest submit and puts its texels, or sums, where they belong.
     fn land(&mut self) -> VkResult<()> {
         let Some(flight) = self.flights.pop_front() else { return Ok(()) };
         let slot = &self.slots[flight.slot];
@@ -382,10 +423,10 @@ impl VulkanGatherer {
         slot.readback.refresh()?;
         let job = &mut self.jobs[flight.job - self.jobs_done];
         job.pending -= 1;
-        let bytes_down = match &mut job.output {
-            Output::Ids(atlas) => read(&slot.readback, &flight, atlas),
-            Output::Sums(all) => read_sums(&slot.readback, &flight, all),
-            Output::Estimates(_) => 0,
+        let texel = self.method.format().words();
+        let bytes_down = match &mut job.found {
+            Found::Texels(words) => read(&slot.readback, &flight, (texel, job.layout), words),
+            Found::Sums(all) => read_sums(&slot.readback, &flight, all),
         };
         let (queue, read) = (0, Instant::now());
         let splats = flight.layout.capacity() as f64 * job.splats;
@@ -450,11 +491,11 @@ impl Gatherer for VulkanGatherer {
         let hemicubes = batch.receivers.len();
         let splats = splats_drawn(&batch, self.splats.count) / hemicubes.max(1) as f64;
         let layout = self.layout(hemicubes, splats);
-        let output = match self.convolve {
-            None => Output::Ids(IdAtlas::empty(layout)),
-            Some(_) => Output::Sums(Vec::with_capacity(hemicubes)),
+        let found = match self.convolve {
+            None => Found::Texels(vec![EMPTY; layout.texels() * self.method.format().words()]),
+            Some(_) => Found::Sums(Vec::with_capacity(hemicubes)),
         };
-        self.jobs.push_back(Job { batch, output, pending: 0, splats });
+        self.jobs.push_back(Job { batch, layout, found, pending: 0, splats });
         self.start(layout).map_err(|result| self.failed(result))?;
         self.stats.batches += 1;
         self.stats.hemicubes += hemicubes as u64;
@@ -467,7 +508,13 @@ impl Gatherer for VulkanGatherer {
         }
         let Some(job) = self.jobs.pop_front() else { return Ok(None) };
         self.jobs_done += 1;
-        Ok(Some(Gathered { batch: job.batch, output: job.output }))
+        let Job { batch, layout, found, .. } = job;
+        let output = match (found, self.method.format()) {
+            (Found::Sums(sums), _) => Output::Sums(sums),
+            (Found::Texels(texels), AtlasFormat::Id) => Output::Ids(IdAtlas { layout, texels }),
+            (Found::Texels(words), format) => Output::Colours(ColourAtlas { layout, format, words }),
+        };
+        Ok(Some(Gathered { batch, output }))
     }
 
     fn take_submits(&mut self) -> Vec<SubmitTimes> {
@@ -476,11 +523,14 @@ impl Gatherer for VulkanGatherer {
 
     fn strategy(&self) -> String {
         let drawn = if self.method.computes() { "computed" } else { "rasterised" };
+        let format = self.method.format();
+        let texels =
+            if format.is_colour() { format!(" as {} colours", format.name()) } else { String::new() };
         let summed = if self.convolve.is_some() { " and summed up by the device" } else { "" };
         let (path, reason) = self.memory;
         let (size, most) = (self.batch_size(), self.slots.len());
         format!(
-            "hemicubes are {drawn}{summed}, up to {size} a batch and up to {most} batches under way at once; {path}: {reason}"
+            "hemicubes are {drawn}{texels}{summed}, up to {size} a batch and up to {most} batches under way at once; {path}: {reason}"
         )
     }
 }
@@ -515,15 +565,16 @@ fn read_sums(readback: &Readback, flight: &Flight, all: &mut Vec<Sums>) -> u64 {
     4 * found.len() as u64
 }
 
-/// Copies the ids of a submit to their rows in the whole batch's atlas; returns the number of bytes.
-fn read(readback: &Readback, flight: &Flight, atlas: &mut IdAtlas) -> u64 {
+/// Copies the texels of a submit, of so many words, to their rows in the whole batch's atlas, which has a layout of its own; returns the
+/// number of bytes.
+fn read(readback: &Readback, flight: &Flight, (words, whole): (usize, AtlasLayout), all: &mut [u32]) -> u64 {
     let first_tile = (flight.first_row * flight.layout.columns) as usize;
     let mut bytes = 0;
     for face in flight.faces.clone() {
-        let count = (flight.layout.width() * flight.layout.height(face)) as usize;
-        let from = flight.layout.row_start(face, 0, 0);
-        let to = atlas.layout.row_start(face, first_tile, 0);
-        readback.read(from, &mut atlas.texels[to..to + count]);
+        let count = words * (flight.layout.width() * flight.layout.height(face)) as usize;
+        let from = words * flight.layout.row_start(face, 0, 0);
+        let to = words * whole.row_start(face, first_tile, 0);
+        readback.read(from, &mut all[to..to + count]);
         bytes += 4 * count as u64;
     }
     bytes

@@ -8,6 +8,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::mem::offset_of;
 
 const SHAPES: [SurfelShape; 2] = [SurfelShape::Disc, SurfelShape::Triangle];
+/// Shapes, and whether their colours are drawn.
+const DRAWN: [(SurfelShape, bool); 4] = [
+    (SurfelShape::Disc, false),
+    (SurfelShape::Disc, true),
+    (SurfelShape::Triangle, false),
+    (SurfelShape::Triangle, true),
+];
 
 // Numbers from the SPIR-V specification.
 const OP_TYPE_INT: u32 = 21;
@@ -93,32 +100,34 @@ fn kind(format: vk::Format) -> Kind {
 
 #[test]
 fn vertex_attributes_are_the_shaders_inputs() {
-    for shape in SHAPES {
+    for (shape, colours) in DRAWN {
         let ours: BTreeMap<u32, Kind> =
-            attributes(shape).iter().map(|a| (a.location, kind(a.format))).collect();
-        assert_eq!(interface(shaders(shape)[0]).inputs, ours, "{shape:?}");
+            attributes(shape, colours).iter().map(|a| (a.location, kind(a.format))).collect();
+        assert_eq!(interface(shaders(shape, colours)[0]).inputs, ours, "{shape:?}, colours: {colours}");
     }
 }
 
 #[test]
 fn attributes_lie_where_the_structures_have_their_fields() {
-    let triangle = attributes(SurfelShape::Triangle);
+    let triangle = attributes(SurfelShape::Triangle, true);
     let places: Vec<_> = triangle.iter().map(|a| (a.binding, a.offset)).collect();
     let splat = [(0, 0), (0, 16), (0, 28)];
     let instance = [(1, 0), (1, 12), (1, 16), (1, 28), (1, 40), (1, 52), (1, 60)];
     let axes = [(2, 0), (2, 12)];
-    assert_eq!(places, [&splat[..], &instance, &axes].concat());
+    let colours = [(3, 0), (3, 16)];
+    assert_eq!(places, [&splat[..], &instance, &axes, &colours].concat());
     let strides =
-        super::vertices::bindings(SurfelShape::Triangle).iter().map(|b| b.stride).collect::<Vec<_>>();
-    assert_eq!(strides, [32, 76, 24]);
+        super::vertices::bindings(SurfelShape::Triangle, true).iter().map(|b| b.stride).collect::<Vec<_>>();
+    assert_eq!(strides, [32, 76, 24, 32]);
 }
 
 #[test]
 fn vertex_outputs_are_fragment_inputs() {
-    for shape in SHAPES {
-        let [vertex, fragment] = shaders(shape).map(interface);
-        assert_eq!(vertex.outputs, fragment.inputs, "{shape:?}");
-        assert_eq!(fragment.outputs, BTreeMap::from([(0, ("uint", 1))]), "{shape:?}");
+    for (shape, colours) in DRAWN {
+        let [vertex, fragment] = shaders(shape, colours).map(interface);
+        assert_eq!(vertex.outputs, fragment.inputs, "{shape:?}, colours: {colours}");
+        let texel = if colours { ("float", 4) } else { ("uint", 1) };
+        assert_eq!(fragment.outputs, BTreeMap::from([(0, texel)]), "{shape:?}, colours: {colours}");
     }
 }
 
@@ -126,8 +135,12 @@ fn vertex_outputs_are_fragment_inputs() {
 fn push_constants_lie_where_the_shader_reads_them() {
     let ours = [offset_of!(Viewport, pixel_to_clip), offset_of!(Viewport, hidden)];
     let ours: BTreeMap<u32, u32> = ours.iter().enumerate().map(|(i, &o)| (i as u32, o as u32)).collect();
-    for shape in SHAPES {
-        assert_eq!(interface(shaders(shape)[0]).push_constants, ours, "{shape:?}");
+    for (shape, colours) in DRAWN {
+        assert_eq!(
+            interface(shaders(shape, colours)[0]).push_constants,
+            ours,
+            "{shape:?}, colours: {colours}"
+        );
     }
 }
 
@@ -151,9 +164,12 @@ fn the_compute_shader_reads_push_constants_where_they_lie() {
 
 #[test]
 fn every_specialisation_constant_is_filled_in() {
-    for shape in SHAPES {
-        let used: BTreeSet<u32> = shaders(shape).iter().flat_map(|code| interface(code).constants).collect();
-        assert!(used.iter().all(|&id| id < CONSTANTS as u32), "{shape:?}: {used:?}");
+    for (shape, colours) in DRAWN {
+        let used: BTreeSet<u32> =
+            shaders(shape, colours).iter().flat_map(|code| interface(code).constants).collect();
+        // Colours have one more: whether they are half floats.
+        let count = CONSTANTS as u32 + u32::from(colours);
+        assert!(used.iter().all(|&id| id < count), "{shape:?}, colours: {colours}: {used:?}");
         assert!(used.len() >= 7, "{shape:?} uses the shared constants: {used:?}");
     }
 }

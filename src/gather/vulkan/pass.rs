@@ -5,6 +5,7 @@ use super::owned::Owned;
 use super::pipeline_cache::PipelineCache;
 use super::settings::{FacesPerPass, VulkanSettings};
 use super::vertices;
+use crate::hemicube::colour::AtlasFormat;
 use crate::hemicube::cover::{DEPTH_SCALE, EDGE_COS, EDGE_SIN, PLANE_EPSILON, SLACK};
 use crate::hemicube::frame::{FACES, RECEIVER_INSIDE};
 use crate::surfel::cloud::{FLAG_CULL_BACK, SurfelShape};
@@ -13,10 +14,17 @@ use ash::vk;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Format of the ids.
-pub(super) const ID_FORMAT: vk::Format = vk::Format::R32_UINT;
 /// Format of the depths: inverse depths scaled by a power of two survive it unrounded.
 pub(super) const DEPTH_FORMAT: vk::Format = vk::Format::D32_SFLOAT;
+
+/// Vulkan's name for what a texel holds.
+pub(super) fn texel_format(format: AtlasFormat) -> vk::Format {
+    match format {
+        AtlasFormat::Id => vk::Format::R32_UINT,
+        AtlasFormat::Rgba16f => vk::Format::R16G16B16A16_SFLOAT,
+        AtlasFormat::Rgba32f => vk::Format::R32G32B32A32_SFLOAT,
+    }
+}
 
 /// A committed SPIR-V binary.
 macro_rules! spirv {
@@ -40,6 +48,8 @@ pub(super) struct Viewport {
 pub(super) struct Pass {
     /// The faces it draws.
     pub faces: Range<usize>,
+    /// What it writes into texels.
+    pub format: AtlasFormat,
     /// The render pass; its view mask has a bit a face.
     pub render_pass: Owned<vk::RenderPass>,
     /// Layout of the push constants.
@@ -52,26 +62,26 @@ impl Pass {
     /// Builds the pass.
     fn new(
         context: &Arc<Context>,
-        shape: SurfelShape,
+        (shape, format): (SurfelShape, AtlasFormat),
         resolution: u32,
         faces: Range<usize>,
         cache: &PipelineCache,
     ) -> VkResult<Self> {
-        let render_pass = render_pass(context, &faces)?;
+        let render_pass = render_pass(context, &faces, format)?;
         let layout = pipeline_layout(context)?;
-        let pipeline = pipeline(context, shape, resolution, (render_pass.raw, layout.raw), cache)?;
-        Ok(Self { faces, render_pass, layout, pipeline })
+        let pipeline = pipeline(context, (shape, format), resolution, (render_pass.raw, layout.raw), cache)?;
+        Ok(Self { faces, format, render_pass, layout, pipeline })
     }
 }
 
 /// The passes that together draw a hemicube.
 pub(super) fn passes(
     context: &Arc<Context>,
-    shape: SurfelShape,
+    drawn: (SurfelShape, AtlasFormat),
     settings: &VulkanSettings,
 ) -> VkResult<Vec<Pass>> {
     let cache = PipelineCache::open(context)?;
-    let pass = |faces| Pass::new(context, shape, settings.resolution, faces, &cache);
+    let pass = |faces| Pass::new(context, drawn, settings.resolution, faces, &cache);
     let passes = match settings.faces {
         FacesPerPass::All => vec![pass(0..FACES)?],
         FacesPerPass::One => (0..FACES).map(|face| pass(face..face + 1)).collect::<VkResult<_>>()?,
@@ -80,15 +90,23 @@ pub(super) fn passes(
     Ok(passes)
 }
 
-/// SPIR-V of a shape's vertex and fragment shaders.
-pub(super) fn shaders(shape: SurfelShape) -> [&'static [u8]; 2] {
-    match shape {
-        SurfelShape::Disc => [spirv!("splat_disc.vert.spv"), spirv!("splat_disc.frag.spv")],
-        SurfelShape::Triangle => [spirv!("splat_triangle.vert.spv"), spirv!("splat_triangle.frag.spv")],
+/// SPIR-V of the vertex and fragment shaders that draw a shape as ids or as colours.
+pub(super) fn shaders(shape: SurfelShape, colours: bool) -> [&'static [u8]; 2] {
+    match (shape, colours) {
+        (SurfelShape::Disc, false) => [spirv!("splat_disc.vert.spv"), spirv!("splat_disc.frag.spv")],
+        (SurfelShape::Triangle, false) => {
+            [spirv!("splat_triangle.vert.spv"), spirv!("splat_triangle.frag.spv")]
+        }
+        (SurfelShape::Disc, true) => {
+            [spirv!("splat_disc_colour.vert.spv"), spirv!("splat_disc_colour.frag.spv")]
+        }
+        (SurfelShape::Triangle, true) => {
+            [spirv!("splat_triangle_colour.vert.spv"), spirv!("splat_triangle_colour.frag.spv")]
+        }
     }
 }
 
-/// Number of specialisation constants.
+/// Number of specialisation constants that all shaders share.
 pub(super) const CONSTANTS: usize = 9;
 
 /// Specialisation constants of all shaders, in the order of their ids in `shaders/cover.glsl`.
@@ -107,23 +125,23 @@ pub(super) fn constants(resolution: u32) -> [u32; CONSTANTS] {
     ]
 }
 
-/// Ids and depths are cleared; ids end ready to be copied; depths are not kept.
-fn attachments() -> [vk::AttachmentDescription; 2] {
+/// Texels and depths are cleared; texels end ready to be copied; depths are not kept.
+fn attachments(format: AtlasFormat) -> [vk::AttachmentDescription; 2] {
     let cleared = vk::AttachmentDescription::default()
         .samples(vk::SampleCountFlags::TYPE_1)
         .load_op(vk::AttachmentLoadOp::CLEAR)
         .stencil_load_op(vk::AttachmentLoadOp::DONT_CARE)
         .stencil_store_op(vk::AttachmentStoreOp::DONT_CARE)
         .initial_layout(vk::ImageLayout::UNDEFINED);
-    let ids = cleared
-        .format(ID_FORMAT)
+    let texels = cleared
+        .format(texel_format(format))
         .store_op(vk::AttachmentStoreOp::STORE)
         .final_layout(vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
     let depths = cleared
         .format(DEPTH_FORMAT)
         .store_op(vk::AttachmentStoreOp::DONT_CARE)
         .final_layout(vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL);
-    [ids, depths]
+    [texels, depths]
 }
 
 /// Drawing waits for whatever used the images before; the copy waits for drawing.
@@ -147,15 +165,19 @@ fn dependencies() -> [vk::SubpassDependency; 2] {
     [before, after]
 }
 
-fn render_pass(context: &Arc<Context>, faces: &Range<usize>) -> VkResult<Owned<vk::RenderPass>> {
-    let (attachments, dependencies) = (attachments(), dependencies());
-    let ids = [vk::AttachmentReference::default().layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)];
+fn render_pass(
+    context: &Arc<Context>,
+    faces: &Range<usize>,
+    format: AtlasFormat,
+) -> VkResult<Owned<vk::RenderPass>> {
+    let (attachments, dependencies) = (attachments(format), dependencies());
+    let texels = [vk::AttachmentReference::default().layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)];
     let depths = vk::AttachmentReference::default()
         .attachment(1)
         .layout(vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL);
     let subpasses = [vk::SubpassDescription::default()
         .pipeline_bind_point(vk::PipelineBindPoint::GRAPHICS)
-        .color_attachments(&ids)
+        .color_attachments(&texels)
         .depth_stencil_attachment(&depths)];
     let masks = [faces.clone().fold(0, |mask, face| mask | 1 << face)];
     let mut multiview =
@@ -195,17 +217,19 @@ pub(super) fn shader_module(
 
 fn pipeline(
     context: &Arc<Context>,
-    shape: SurfelShape,
+    (shape, format): (SurfelShape, AtlasFormat),
     resolution: u32,
     (render_pass, layout): (vk::RenderPass, vk::PipelineLayout),
     cache: &PipelineCache,
 ) -> VkResult<Owned<vk::Pipeline>> {
     // Shaders and their constants.
-    let [vertex, fragment] = shaders(shape);
+    let colours = format.is_colour();
+    let [vertex, fragment] = shaders(shape, colours);
     let vertex = shader_module(context, "splat.vert", vertex)?;
     let fragment = shader_module(context, "splat.frag", fragment)?;
-    let constants = constants(resolution);
-    let entries: [vk::SpecializationMapEntry; CONSTANTS] = std::array::from_fn(|i| {
+    let mut constants = constants(resolution).to_vec();
+    constants.push(vk::Bool32::from(format == AtlasFormat::Rgba16f));
+    let entries: [vk::SpecializationMapEntry; CONSTANTS + 1] = std::array::from_fn(|i| {
         vk::SpecializationMapEntry { constant_id: i as u32, offset: 4 * i as u32, size: 4 }
     });
     let specialization =
@@ -222,8 +246,8 @@ fn pipeline(
         stage(vk::ShaderStageFlags::FRAGMENT, fragment.raw),
     ];
 
-    // Points in, ids and depths out: the greatest inverse depth wins, the first among equals.
-    let (bindings, attributes) = (vertices::bindings(shape), vertices::attributes(shape));
+    // Points in, texels and depths out: the greatest inverse depth wins, the first among equals.
+    let (bindings, attributes) = (vertices::bindings(shape, colours), vertices::attributes(shape, colours));
     let input = vk::PipelineVertexInputStateCreateInfo::default()
         .vertex_binding_descriptions(&bindings)
         .vertex_attribute_descriptions(&attributes);
@@ -237,8 +261,8 @@ fn pipeline(
         .depth_test_enable(true)
         .depth_write_enable(true)
         .depth_compare_op(vk::CompareOp::GREATER);
-    let targets =
-        [vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::R)];
+    let written = if colours { vk::ColorComponentFlags::RGBA } else { vk::ColorComponentFlags::R };
+    let targets = [vk::PipelineColorBlendAttachmentState::default().color_write_mask(written)];
     let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&targets);
     let dynamic = vk::PipelineDynamicStateCreateInfo::default()
         .dynamic_states(&[vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR]);

@@ -1,4 +1,4 @@
-//! Buffers that ids come back in. Each has memory of its own, of the type that its way to the host needs.
+//! Buffers that ids or colours come back in. Each has memory of its own, of the type that its way to the host needs.
 
 use super::context::Context;
 use super::memory::MemoryPath;
@@ -116,7 +116,7 @@ impl Readback {
         unsafe { self.context.device.invalidate_mapped_memory_ranges(&range) }
     }
 
-    /// Copies the texels from `first` on into the host's own memory.
+    /// Copies the words of texels from `first` on into the host's own memory.
     pub fn read(&self, first: usize, to: &mut [u32]) {
         let count = to.len().min(self.texels.saturating_sub(first));
         // SAFETY: the range lies within the mapped memory, which is aligned for texels and which the device has left alone

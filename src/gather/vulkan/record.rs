@@ -1,4 +1,4 @@
-//! The commands of one submit: draw all hemicubes, copy their ids into the readback buffer or sum them up into it.
+//! The commands of one submit: draw all hemicubes, copy their texels into the readback buffer or sum their ids up into it.
 
 use super::buffers::visible;
 use super::context::Context;
@@ -83,7 +83,7 @@ pub(super) fn draw(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
         pixel_to_clip: [2.0 / viewport.width, 2.0 / viewport.height],
         hidden: [0.5 * viewport.width, viewport.height - 0.5 * HIDDEN_ROWS as f32],
     };
-    // All zeros: no id, and the depth of infinity.
+    // All zeros: nothing, and the depth of infinity.
     let clear = [vk::ClearValue::default(); 2];
     let begin = vk::RenderPassBeginInfo::default()
         .render_pass(pass.render_pass.raw)
@@ -110,8 +110,9 @@ pub(super) fn draw(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
 fn draw_splats(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
     let (device, commands) = (&context.device, slot.commands);
     let mut buffers = vec![drawing.splats.splats.raw(), slot.hemicubes.raw()];
-    buffers.extend(drawing.splats.axes.as_ref().map(|axes| axes.raw()));
-    let offsets = [0; 3];
+    let more = [&drawing.splats.axes, &drawing.splats.colours];
+    buffers.extend(more.into_iter().flatten().map(|buffer| buffer.raw()));
+    let offsets = [0; 4];
     // SAFETY: the pipeline is bound; the buffers are those of its bindings and hold the vertices and instances drawn.
     unsafe { device.cmd_bind_vertex_buffers(commands, 0, &buffers, &offsets[..buffers.len()]) };
     if drawing.draws.list.is_empty() {
@@ -144,7 +145,7 @@ pub(super) fn copy(context: &Context, slot: &Slot, drawing: &Drawing<'_>) {
     unsafe {
         context.device.cmd_copy_image_to_buffer(
             slot.commands,
-            drawing.targets.ids.raw(),
+            drawing.targets.texels.raw(),
             vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
             slot.drawn_into(),
             &regions,
@@ -176,14 +177,14 @@ pub(super) fn show_host(context: &Context, slot: &Slot, (stage, access): Writer)
 
 /// The top face, and all sides together: they have the same height, so that one region packs them all.
 fn regions(drawing: &Drawing<'_>) -> Vec<vk::BufferImageCopy> {
-    let faces = &drawing.pass.faces;
+    let (faces, bytes) = (&drawing.pass.faces, size_of::<u32>() * drawing.pass.format.words());
     let sides = faces.start.max(1)..faces.end;
     let tops = faces.start..faces.end.min(1);
     [tops, sides]
         .into_iter()
         .filter(|faces| !faces.is_empty())
         .map(|faces| vk::BufferImageCopy {
-            buffer_offset: 4 * drawing.layout.row_start(faces.start, 0, 0) as u64,
+            buffer_offset: (bytes * drawing.layout.row_start(faces.start, 0, 0)) as u64,
             image_subresource: vk::ImageSubresourceLayers {
                 aspect_mask: vk::ImageAspectFlags::COLOR,
                 mip_level: 0,

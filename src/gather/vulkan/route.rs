@@ -1,15 +1,16 @@
-//! The two routes from surfels to ids, and which of them a device takes.
+//! The two routes from surfels to atlases, and which of them a device takes.
 
 use super::buffers::Buffer;
 use super::compute::{self, Bindings, Compute, HemicubeTask};
 use super::context::Context;
 use super::devices::DeviceKind;
-use super::pass::{Pass, passes};
+use super::pass::{Pass, passes, texel_format};
 use super::settings::{FacesPerPass, Route, VulkanSettings};
 use super::targets::Targets;
 use super::vertices::{HemicubeInstance, SplatBuffers};
 use crate::error::{Error, Result};
 use crate::hemicube::atlas::AtlasLayout;
+use crate::hemicube::colour::AtlasFormat;
 use crate::hemicube::frame::FACES;
 use crate::surfel::cloud::SurfelShape;
 use ash::prelude::VkResult;
@@ -54,15 +55,19 @@ impl Method {
     /// Builds the pipelines of the route that the settings and the device choose, for so many surfels.
     pub fn new(
         context: &Arc<Context>,
-        shape: SurfelShape,
+        (shape, format): (SurfelShape, AtlasFormat),
         surfels: usize,
         settings: &VulkanSettings,
     ) -> Result<Self> {
-        let method = match choose(context, surfels, settings)? {
+        if !context.draws_into(texel_format(format)) {
+            let message = format!("cannot draw {} atlases", format.name());
+            return Err(Error::Device { device: context.info.name.clone(), message });
+        }
+        let method = match choose(context, format, surfels, settings)? {
             Some(lanes) => {
                 Compute::new(context, shape, surfels, [settings.resolution, lanes]).map(Self::Compute)
             }
-            None => passes(context, shape, settings).map(Self::Raster),
+            None => passes(context, (shape, format), settings).map(Self::Raster),
         };
         method.map_err(|result| context.error("building the hemicube pipeline", result))
     }
@@ -70,6 +75,19 @@ impl Method {
     /// Whether ids are computed, into a buffer.
     pub fn computes(&self) -> bool {
         matches!(self, Self::Compute(_))
+    }
+
+    /// What its atlases hold.
+    pub fn format(&self) -> AtlasFormat {
+        match self {
+            Self::Raster(passes) => passes.first().map(|pass| pass.format).unwrap_or_default(),
+            Self::Compute(_) => AtlasFormat::Id,
+        }
+    }
+
+    /// Bytes a texel.
+    pub fn texel_bytes(&self) -> usize {
+        size_of::<u32>() * self.format().words()
     }
 
     /// The submits that some rows of tiles take: the faces that each draws.
@@ -136,7 +154,13 @@ impl Method {
 ///
 /// Software drivers shade the raster route's vertices on one thread and compute on all of them. Hardware takes the raster
 /// route until the other has been measured there.
-fn choose(context: &Context, surfels: usize, settings: &VulkanSettings) -> Result<Option<u32>> {
+fn choose(
+    context: &Context,
+    format: AtlasFormat,
+    surfels: usize,
+    settings: &VulkanSettings,
+) -> Result<Option<u32>> {
+    settings.route.check(format)?;
     let computed = || compute::lanes(context, surfels);
     match settings.route {
         Route::Raster => Ok(None),
@@ -146,6 +170,7 @@ fn choose(context: &Context, surfels: usize, settings: &VulkanSettings) -> Resul
         }),
         Route::Auto => {
             let fitting = context.info.kind == DeviceKind::Cpu
+                && !format.is_colour()
                 && settings.faces == FacesPerPass::All
                 && settings.resolution <= SOFTWARE_COMPUTE_RESOLUTION;
             Ok(if fitting { computed().ok() } else { None })

@@ -3,6 +3,7 @@
 use super::memory::MemoryPath;
 use crate::error::Error;
 use crate::gather::submits::SubmitTimes;
+use crate::hemicube::colour::AtlasFormat;
 use std::str::FromStr;
 use std::time::Instant;
 
@@ -48,6 +49,22 @@ pub enum Route {
     Raster,
     /// A compute shader.
     Compute,
+}
+
+impl Route {
+    /// Refuses a format that the route cannot draw.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where hemicubes of colours shall be computed.
+    pub fn check(self, format: AtlasFormat) -> Result<(), Error> {
+        if self != Self::Compute || !format.is_colour() {
+            return Ok(());
+        }
+        Err(Error::Usage(format!(
+            "hemicubes of colours ({}) are rasterised only: use `--vulkan-route raster`, or `--atlas-format id`",
+            format.name()
+        )))
+    }
 }
 
 impl FromStr for Route {

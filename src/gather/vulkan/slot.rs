@@ -46,16 +46,14 @@ fn largest_layout(context: &Context, resolution: u32, hemicubes: usize) -> Atlas
 /// Bytes that one hemicube takes in a slot.
 fn bytes_per_hemicube(gear: &Gear<'_>, resolution: u32) -> u64 {
     let texels = u64::from(resolution).pow(2);
+    let texel = gear.method.texel_bytes() as u64;
     let images = match gear.method {
-        Method::Raster(_) => 2 * 4 * FACES as u64 * texels,
+        Method::Raster(_) => (texel + 4) * FACES as u64 * texels,
         Method::Compute(_) if gear.memory == MemoryPath::Mapped => 0,
         Method::Compute(_) => 3 * 4 * texels,
     };
-    let read = match gear.convolve {
-        None => 3 * 4 * texels,
-        Some(_) => 3 * 4 * texels + Convolving::BYTES,
-    };
-    images + read + gear.method.hemicube_bytes(gear.parts) as u64
+    let sums = gear.convolve.map_or(0, |_| Convolving::BYTES);
+    images + 3 * texel * texels + sums + gear.method.hemicube_bytes(gear.parts) as u64
 }
 
 /// Hemicubes a slot: as many as wanted, within the memory budget and the device's limits.
@@ -141,7 +139,7 @@ impl Slot {
         let Usages { hemicubes, cuts, ids, .. } = method.usages();
         let bytes = layout.capacity() * method.hemicube_bytes(parts);
         let hemicubes = Buffer::new(context, "hemicubes", bytes, hemicubes, MemoryLocation::CpuToGpu)?;
-        let bytes = 4 * layout.texels();
+        let bytes = method.texel_bytes() * layout.texels();
         let copies = memory != MemoryPath::Mapped && convolve.is_none();
         let readback = match convolve {
             None if copies => Readback::new(context, bytes, vk::BufferUsageFlags::TRANSFER_DST, memory)?,

@@ -3,18 +3,19 @@
 use super::context::Context;
 use super::images::{Image, ImageDesc};
 use super::owned::Owned;
-use super::pass::{DEPTH_FORMAT, ID_FORMAT, Pass};
+use super::pass::{DEPTH_FORMAT, Pass, texel_format};
 use crate::hemicube::atlas::AtlasLayout;
+use crate::hemicube::colour::AtlasFormat;
 use ash::prelude::VkResult;
 use ash::vk;
 use std::sync::Arc;
 
-/// An atlas of ids, its depths, and the framebuffers around them.
+/// An atlas, its depths, and the framebuffers around them.
 pub(super) struct Targets {
     /// One a pass.
     pub framebuffers: Vec<Owned<vk::Framebuffer>>,
-    /// Where the ids are drawn.
-    pub ids: Image,
+    /// Where ids or colours are drawn.
+    pub texels: Image,
     // Only the framebuffers refer to it.
     _depths: Image,
 }
@@ -23,20 +24,21 @@ impl Targets {
     /// Images for an atlas of this layout.
     pub fn new(context: &Arc<Context>, passes: &[Pass], layout: AtlasLayout) -> VkResult<Self> {
         let extent = vk::Extent2D { width: layout.width(), height: layout.height(0) };
-        let ids = Image::new(context, &id_image(extent))?;
+        let format = passes.first().map(|pass| pass.format).unwrap_or_default();
+        let texels = Image::new(context, &texel_image(format, extent))?;
         let depths = Image::new(context, &depth_image(extent))?;
         let framebuffers = passes
             .iter()
-            .map(|pass| framebuffer(context, pass, [ids.view(), depths.view()], extent))
+            .map(|pass| framebuffer(context, pass, [texels.view(), depths.view()], extent))
             .collect::<VkResult<_>>()?;
-        Ok(Self { framebuffers, ids, _depths: depths })
+        Ok(Self { framebuffers, texels, _depths: depths })
     }
 }
 
-fn id_image(extent: vk::Extent2D) -> ImageDesc<'static> {
+fn texel_image(format: AtlasFormat, extent: vk::Extent2D) -> ImageDesc<'static> {
     ImageDesc {
-        name: "id atlas",
-        format: ID_FORMAT,
+        name: "atlas",
+        format: texel_format(format),
         extent,
         usage: vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::TRANSFER_SRC,
         aspect: vk::ImageAspectFlags::COLOR,

@@ -4,6 +4,7 @@
 use super::buffers::{Buffer, upload};
 use super::context::Context;
 use crate::hemicube::atlas::AtlasLayout;
+use crate::hemicube::colour::SideColours;
 use crate::hemicube::frame::Receiver;
 use crate::math::Frame;
 use crate::surfel::cloud::{Splat, SurfelShape};
@@ -94,6 +95,8 @@ pub(super) struct SplatBuffers {
     pub splats: Buffer,
     /// Array of [`Axes`], for triangles.
     pub axes: Option<Buffer>,
+    /// Array of [`SideColours`], where colours are drawn.
+    pub colours: Option<Buffer>,
     /// How many surfels.
     pub count: u32,
 }
@@ -104,6 +107,7 @@ impl SplatBuffers {
         context: &Arc<Context>,
         splats: &[Splat],
         shape: SurfelShape,
+        light: Option<&[SideColours]>,
         usage: vk::BufferUsageFlags,
     ) -> VkResult<Self> {
         let count = splats.len() as u32;
@@ -118,12 +122,14 @@ impl SplatBuffers {
             }
         };
         let buffer = upload(context, "surfels", bytemuck::cast_slice(splats), usage)?;
-        Ok(Self { splats: buffer, axes, count })
+        let colours = |colours| upload(context, "surfel colours", bytemuck::cast_slice(colours), usage);
+        let colours = light.map(colours).transpose()?;
+        Ok(Self { splats: buffer, axes, colours, count })
     }
 }
 
-/// Vertex buffer bindings of a shape.
-pub(super) fn bindings(shape: SurfelShape) -> Vec<vk::VertexInputBindingDescription> {
+/// Vertex buffer bindings of a shape, with or without colours.
+pub(super) fn bindings(shape: SurfelShape, colours: bool) -> Vec<vk::VertexInputBindingDescription> {
     let binding = |binding, stride: usize, input_rate| vk::VertexInputBindingDescription {
         binding,
         stride: stride as u32,
@@ -136,16 +142,28 @@ pub(super) fn bindings(shape: SurfelShape) -> Vec<vk::VertexInputBindingDescript
     if shape == SurfelShape::Triangle {
         bindings.push(binding(2, size_of::<Axes>(), vk::VertexInputRate::VERTEX));
     }
+    if colours {
+        bindings.push(binding(colour_binding(shape), size_of::<SideColours>(), vk::VertexInputRate::VERTEX));
+    }
     bindings
 }
 
-/// Vertex attributes of a shape.
-pub(super) fn attributes(shape: SurfelShape) -> Vec<vk::VertexInputAttributeDescription> {
+/// The binding after those of the shape.
+fn colour_binding(shape: SurfelShape) -> u32 {
+    match shape {
+        SurfelShape::Disc => 2,
+        SurfelShape::Triangle => 3,
+    }
+}
+
+/// Vertex attributes of a shape, with or without colours.
+pub(super) fn attributes(shape: SurfelShape, colours: bool) -> Vec<vk::VertexInputAttributeDescription> {
     const VEC3: vk::Format = vk::Format::R32G32B32_SFLOAT;
+    const VEC4: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
     const UINT: vk::Format = vk::Format::R32_UINT;
     let mut fields = vec![
         // The radius follows the position: one attribute reads both.
-        (0, vk::Format::R32G32B32A32_SFLOAT, offset_of!(Splat, position)),
+        (0, VEC4, offset_of!(Splat, position)),
         (0, VEC3, offset_of!(Splat, normal)),
         (0, UINT, offset_of!(Splat, flags)),
         (1, VEC3, offset_of!(HemicubeInstance, position)),
@@ -159,6 +177,10 @@ pub(super) fn attributes(shape: SurfelShape) -> Vec<vk::VertexInputAttributeDesc
     if shape == SurfelShape::Triangle {
         fields.push((2, VEC3, offset_of!(Axes, tangent)));
         fields.push((2, VEC3, offset_of!(Axes, bitangent)));
+    }
+    if colours {
+        fields.push((colour_binding(shape), VEC4, offset_of!(SideColours, front)));
+        fields.push((colour_binding(shape), VEC4, offset_of!(SideColours, back)));
     }
     let describe = |(location, &(binding, format, offset)): (usize, &(u32, vk::Format, usize))| {
         vk::VertexInputAttributeDescription {

@@ -9,6 +9,8 @@ pub enum Setting {
     Gather,
     /// What gathers.
     Device,
+    /// What hemicubes hold.
+    AtlasFormat,
     /// Pixels along a hemicube face's edge.
     FaceResolution,
     /// Number of surfels.
@@ -33,9 +35,10 @@ pub enum Setting {
 
 impl Setting {
     /// All, in the order of the columns of a table.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Gather,
         Self::Device,
+        Self::AtlasFormat,
         Self::FaceResolution,
         Self::Surfels,
         Self::SurfelSpacing,
@@ -53,6 +56,7 @@ impl Setting {
         match self {
             Self::Gather => "--gather",
             Self::Device => "--device",
+            Self::AtlasFormat => "--atlas-format",
             Self::FaceResolution => "--face-resolution",
             Self::Surfels => "--surfels",
             Self::SurfelSpacing => "--surfel-spacing",
@@ -84,7 +88,7 @@ impl Setting {
             Self::NearField => ", radii",
             Self::Interpolate => ", tolerance",
             Self::LightSamples | Self::GatherSamples | Self::Samples => ", rays",
-            Self::Gather | Self::Device | Self::Surfels | Self::Bounces => "",
+            Self::Gather | Self::Device | Self::AtlasFormat | Self::Surfels | Self::Bounces => "",
         };
         self.name() + unit
     }

@@ -26,6 +26,14 @@ const FLAT: f32 = 0.005;
 /// equal, so is the change across the neighbourhood to this over n^(3/4).
 const STEEP: f32 = 1.7;
 
+/// Half the width of the inner neighbourhood, pixels: 3 x 3 of them.
+const INNER: f32 = 1.5;
+
+/// Fits of the inner and of the whole neighbourhood that differ by more than this part of [`steepest`] tell that visibility bends: on the
+/// ridge between two shadows it is level, and no plane. A fit then misses three times what own rays miss, and the difference is three
+/// times its own noise.
+const BENT: f32 = 0.32;
+
 /// A point at which visibility changes too quickly for a fit.
 #[derive(Debug, Clone, Copy)]
 pub struct Steep {
@@ -61,7 +69,7 @@ pub fn average<'a>(
         .par_iter()
         .with_min_len(PORTION)
         .map(|&i| {
-            let mut fit = Fit::default();
+            let (mut fit, mut inner) = (Fit::default(), Fit::default());
             for n in hood.neighbours(lit.view, i as usize).filter(|n| answers.has_light(n.point)) {
                 let tally = match of_point[n.point] {
                     NONE if !hood.fills_pixel(n.point) => continue,
@@ -69,8 +77,13 @@ pub fn average<'a>(
                     k => tallies[k as usize],
                 };
                 fit.add(&n, tally);
+                if n.dx.abs().max(n.dy.abs()) < INNER {
+                    inner.add(&n, tally);
+                }
             }
-            fit.solve()
+            let (visible, gradient) = fit.solve()?;
+            let bent = inner.solve().is_some_and(|(near, _)| (near - visible).abs() > BENT * steepest);
+            Some((visible, if bent { Vec2::INFINITY } else { gradient }))
         })
         .collect();
     let mut left = Vec::new();

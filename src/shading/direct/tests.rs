@@ -120,6 +120,28 @@ fn penumbras_agree_with_many_rays_at_every_point() {
     assert!(rms < 0.015 && worst < 0.1 && bias.abs() < 3e-3, "rms {rms}, worst {worst}, bias {bias}");
 }
 
+/// Light through a slot is a ridge a few pixels wide: level at its top, where a plane through the neighbourhood lies far below.
+#[test]
+fn light_through_a_slot_is_not_flattened() {
+    let half = |side: f64| square(DVec3::new(0.325 * side, 0.0, 0.4), 0.3, 1.0, FLOOR);
+    let picture = Picture::new(vec![lamp(), half(-1.0), half(1.0)], Vec::new(), 1);
+    let visible = picture.visible();
+    let (light, exact) = (picture.light(&visible), picture.exact(&visible, 4096));
+    let normalisation = picture.world.scene.normalisation;
+    let [low, high] =
+        [-1.0, 1.0].map(|end| normalisation.point(DVec3::new(0.012 * end, 0.25 * end, 0.01 * end)));
+    let on_top = |i: &usize| {
+        let at = visible.points[*i].position;
+        at.cmpge(low).all() && at.cmple(high).all()
+    };
+    let top: Vec<usize> = (0..light.len()).filter(on_top).collect();
+    let mean = |values: &[f32]| top.iter().map(|&i| values[i]).sum::<f32>() / top.len() as f32;
+    let (got, exact) = (mean(&light), mean(&exact));
+    println!("{got} for {exact} on {} points of the ridge", top.len());
+    assert!(top.len() >= 8, "{} points on the ridge", top.len());
+    assert!((got / exact - 1.0).abs() < 0.05, "{got}, not {exact}, on {} points", top.len());
+}
+
 #[test]
 fn a_light_of_which_little_is_seen_leaves_no_holes() {
     let lid = square(DVec3::new(0.0, 0.0, 3.999), 0.148, 1.0, FLOOR);

@@ -82,21 +82,22 @@ impl ConvexLight {
     /// Irradiance with radiance 1, shadows apart.
     pub(super) fn irradiance(&self, local: &Local) -> f64 {
         let edges = self.silhouette.edges(local.origin());
-        match edges.len() {
-            0 if self.surrounds(local) => PI,
-            0 => 0.0,
-            _ => contour::irradiance(local.normal(), edges).max(0.0),
+        if edges.len() == 0 {
+            self.within(local)
+        } else {
+            contour::irradiance(local.normal(), edges).max(0.0)
         }
     }
 
     /// [`Self::irradiance`] to four digits, where the light is not [`SMALL`].
     fn rough_irradiance(&self, local: &Local) -> f64 {
         let edges = self.silhouette.edges(local.origin());
-        if edges.len() == 0 {
-            self.irradiance(local)
-        } else {
-            arcs::irradiance(local.normal(), edges).max(0.0)
-        }
+        if edges.len() == 0 { self.within(local) } else { arcs::irradiance(local.normal(), edges).max(0.0) }
+    }
+
+    /// Irradiance where no outline is seen: on the surface, or inside.
+    fn within(&self, local: &Local) -> f64 {
+        if self.surrounds(local) { PI } else { 0.0 }
     }
 
     /// [`Self::irradiance`] at many receivers, to 5e-4 of what surfaces facing the light get.

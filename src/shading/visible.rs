@@ -246,7 +246,8 @@ fn group(view: &View, samples: &mut [ShadingPoint], groups: &mut Vec<Range<usize
     groups.sort_by_key(|group| std::cmp::Reverse(group.len()));
 }
 
-/// The member nearest to the middle of a group; where all lie in one plane, moved there.
+/// The member nearest to the middle of a group; where all lie in one plane, moved there, elsewhere turned as all are on average: the
+/// cosine law is linear in the normal.
 fn representative(group: &[ShadingPoint]) -> ShadingPoint {
     let mean = group.iter().map(|p| p.position).sum::<Vec3>() / group.len() as f32;
     let distance = |p: &&ShadingPoint| p.position.distance_squared(mean);
@@ -255,6 +256,9 @@ fn representative(group: &[ShadingPoint]) -> ShadingPoint {
     let flat = group.iter().all(|p| p.normal == point.normal && p.shading_normal == point.shading_normal);
     if flat {
         point.position = mean;
+    } else {
+        let sum: Vec3 = group.iter().map(|p| p.shading_normal).sum();
+        point.shading_normal = sum.normalize_or(point.shading_normal);
     }
     point
 }

@@ -191,8 +191,8 @@ impl Centres {
     fn slot_of_owner(&self, surface: &Surface, sample: &Sample) -> usize {
         let side = surface.side(sample);
         self.tree
-            .nearest(sample.position, usize::MAX, |slot| self.alike(slot, side))
-            .or_else(|| self.tree.nearest(sample.position, usize::MAX, |_| true))
+            .nearest(sample.position, f32::INFINITY, usize::MAX, |slot| self.alike(slot, side))
+            .or_else(|| self.tree.nearest(sample.position, f32::INFINITY, usize::MAX, |_| true))
             .unwrap_or(0)
     }
 
@@ -200,7 +200,7 @@ impl Centres {
     pub fn midpoints(&self, index: u32, place: &Place) -> impl Iterator<Item = Vec2> {
         let Place { position, side, frame } = *place;
         let beside = |other: usize| {
-            self.tree.nearest(position, usize::MAX, |slot| {
+            self.tree.nearest(position, f32::INFINITY, usize::MAX, |slot| {
                 slot != other && self.tree.order[slot] != index && self.alike(slot, side)
             })
         };

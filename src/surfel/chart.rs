@@ -95,7 +95,7 @@ impl Charts {
         let mut first = 0;
         for chart in &mut self.charts {
             chart.first = first;
-            first += chart.samples() * if chart.two_sided { 2 } else { 1 };
+            first += chart.samples_on_all_sides();
         }
         self
     }
@@ -174,6 +174,11 @@ impl Chart {
             0 => 1,
             columns => (u32::from(columns) + 1) * (u32::from(self.rows) + 1),
         }
+    }
+
+    /// Number of samples on the sides that send light.
+    pub fn samples_on_all_sides(&self) -> u32 {
+        self.samples() * if self.two_sided { 2 } else { 1 }
     }
 
     /// Place of sample `i` in the unit square.

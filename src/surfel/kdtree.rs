@@ -73,11 +73,20 @@ impl KdTree {
         }
     }
 
-    /// Slot of the acceptable point nearest to `centre`; of equally near ones, the lowest slot. A good `guess` saves time.
-    pub fn nearest(&self, centre: Vec3, guess: usize, accept: impl Fn(usize) -> bool) -> Option<usize> {
-        let (reach, mut best) = match self.points.get(guess) {
-            Some(point) if accept(guess) => (point.distance_squared(centre), guess),
-            _ => (f32::INFINITY, usize::MAX),
+    /// Slot of the acceptable point nearest to `centre`, no further than `radius`; of equally near ones, the lowest slot. A good
+    /// `guess` saves time.
+    pub fn nearest(
+        &self,
+        centre: Vec3,
+        radius: f32,
+        guess: usize,
+        accept: impl Fn(usize) -> bool,
+    ) -> Option<usize> {
+        let bound = radius * radius;
+        let guessed = self.points.get(guess).map(|point| point.distance_squared(centre));
+        let (reach, mut best) = match guessed {
+            Some(squared) if squared <= bound && accept(guess) => (squared, guess),
+            _ => (bound, usize::MAX),
         };
         let mut ball = Ball { centre, reach };
         self.descend_nearest(&self.nodes, 0, self.points.len(), &mut ball, &mut best, &accept);
@@ -169,7 +178,7 @@ mod tests {
                 let expected: Vec<u32> =
                     (0..n as u32).filter(|&i| points[i as usize].distance(centre) <= 0.3).collect();
                 assert_eq!(found, expected, "within, {n} points");
-                let nearest = tree.nearest(centre, n / 2, |_| true).unwrap();
+                let nearest = tree.nearest(centre, f32::INFINITY, n / 2, |_| true).unwrap();
                 let d = tree.points[nearest].distance_squared(centre);
                 let least = points.iter().map(|p| p.distance_squared(centre)).fold(f32::INFINITY, f32::min);
                 assert_eq!(d, least, "nearest, {n} points");
@@ -181,8 +190,12 @@ mod tests {
     fn nearest_skips_what_is_not_acceptable() {
         let points = cloud(200);
         let tree = KdTree::new(points.iter().copied());
-        assert!(tree.nearest(Vec3::ZERO, 3, |_| false).is_none());
-        let slot = tree.nearest(Vec3::ZERO, 0, |slot| tree.order[slot] == 42).unwrap();
+        assert!(tree.nearest(Vec3::ZERO, f32::INFINITY, 3, |_| false).is_none());
+        let only = |slot: usize| tree.order[slot] == 42;
+        let slot = tree.nearest(Vec3::ZERO, f32::INFINITY, 0, only).unwrap();
         assert_eq!(tree.order[slot], 42);
+        let distance = points[42].length();
+        assert_eq!(tree.nearest(Vec3::ZERO, 1.001 * distance, 0, only), Some(slot));
+        assert_eq!(tree.nearest(Vec3::ZERO, 0.999 * distance, slot, only), None);
     }
 }

@@ -8,9 +8,13 @@ use crate::accel::{Accel, SurfacePoint};
 use crate::scene::Scene;
 use glam::{Vec3, Vec4, Vec4Swizzles};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Samples that a surfel or a chart may account for, at the most; in scenes as they are, it is about two.
 const MOST_SAMPLES: u64 = 32;
+
+/// Samples of a chart that a thread finds at a time.
+const PIECE: u32 = 256;
 
 /// From closer than so many spacings of the surfels, the blur of their light is seen.
 const COARSE: f32 = 3.0;
@@ -116,13 +120,20 @@ fn resample<T: Send>(
     let most = MOST_SAMPLES * (cloud.len() + scene.primitive_count()) as u64;
     let charts = Charts::new(scene, |primitive| shares[primitive as usize], most);
     let surfels = Reconstruction::new(cloud, accel, closed);
-    let of_chart = |chart| {
+    // A few charts may hold nearly everything: the floor and the walls of a room.
+    let pieces: Vec<(usize, Range<u32>)> = (0..charts.as_slice().len())
+        .flat_map(|chart| {
+            let count = charts.as_slice()[chart].samples_on_all_sides();
+            (0..count).step_by(PIECE as usize).map(move |first| (chart, first..count.min(first + PIECE)))
+        })
+        .collect();
+    let of_piece = |(chart, samples): (usize, Range<u32>)| {
         let mut guess = 0;
         let (surfels, value) = (&surfels, &value);
         let spacing = shares[charts.primitive(chart).0 as usize].sqrt();
-        spots(scene, &charts, chart, spacing).map(move |spot| value(surfels, &spot, &mut guess))
+        spots(scene, &charts, chart, samples, spacing).map(move |spot| value(surfels, &spot, &mut guess))
     };
-    let samples = (0..charts.as_slice().len()).into_par_iter().flat_map_iter(of_chart).collect();
+    let samples = pieces.into_par_iter().flat_map_iter(of_piece).collect();
     (charts, samples)
 }
 
@@ -149,18 +160,19 @@ fn shares(scene: &Scene, cloud: &SurfelCloud) -> Vec<f32> {
     sums.into_iter().map(|(sum, count)| if count > 0 { sum / count as f32 } else { all }).collect()
 }
 
-/// The samples of a chart, the front's before the back's.
+/// Some samples of a chart, the front's before the back's.
 fn spots<'a>(
     scene: &'a Scene,
     charts: &'a Charts,
     index: usize,
+    samples: Range<u32>,
     spacing: f32,
 ) -> impl Iterator<Item = Spot> + 'a {
-    let chart = &charts.as_slice()[index];
+    let on_a_side = charts.as_slice()[index].samples();
     let material = scene.primitive_material(charts.primitive(index).0);
-    let sides: &[f32] = if chart.two_sided { &[1.0, -1.0] } else { &[1.0] };
-    sides.iter().flat_map(|&side| (0..chart.samples()).map(move |i| (side, i))).map(move |(side, i)| {
-        let (position, normal) = charts.sample(scene, index, i);
+    samples.map(move |i| {
+        let side = if i < on_a_side { 1.0 } else { -1.0 };
+        let (position, normal) = charts.sample(scene, index, i % on_a_side);
         Spot { position, normal: normal * side, material, spacing }
     })
 }

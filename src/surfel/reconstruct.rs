@@ -16,6 +16,10 @@ const REACH: f32 = 1.6;
 /// The same where fewer than [`FEWEST`] are found: at corners.
 const WIDE_REACH: f32 = 2.4;
 
+/// What is further from a spot than so many spacings says nothing of it: in the middle of the floor under a box, which nobody sees, looking
+/// for what somebody sees would take a time that grows with the square of the number of surfels.
+const FAR: f32 = 8.0;
+
 /// Surfels that have a slope.
 const FEWEST: u32 = 5;
 
@@ -81,16 +85,21 @@ impl<'a> Reconstruction<'a> {
         }
         let Some(nearest) = self.nearest(spot, guess) else { return SpotLight::default() };
         let spacing = self.cloud.area[nearest].sqrt();
-        let reach = WIDE_REACH * spacing.max(self.cloud.position[nearest].distance(spot.position));
+        let distance = self.cloud.position[nearest].distance(spot.position);
+        let reach = WIDE_REACH * spacing.max(distance);
         let alone = || SpotLight { radiance: self.light(self.side(nearest, spot.normal)), even: false };
+        if distance > FAR * spacing {
+            return alone();
+        }
         self.fit(spot, reach, SHEETS * spacing, 1).unwrap_or_else(alone)
     }
 
-    /// The surfel that stands for a spot: the nearest on the same surface; where the cloud has none, the nearest of the same
-    /// material, or of any.
+    /// The surfel that stands for a spot: the nearest on the same surface that is not hidden, unless that is [`FAR`]; else the nearest there; where
+    /// the cloud has none, the nearest of the same material, or of any.
     pub fn nearest(&self, spot: &Spot, guess: &mut usize) -> Option<usize> {
         let search = |alike: f32, hidden: bool| {
-            self.tree.nearest(spot.position, *guess, |slot| {
+            let radius = if hidden { f32::INFINITY } else { FAR * spot.spacing };
+            self.tree.nearest(spot.position, radius, *guess, |slot| {
                 let i = self.tree.order[slot] as usize;
                 self.cloud.material[i] == spot.material
                     && self.cosine(i, spot.normal) >= alike
@@ -98,7 +107,7 @@ impl<'a> Reconstruction<'a> {
             })
         };
         let slot = search(ALIKE, false).or_else(|| search(ALIKE, true)).or_else(|| search(-2.0, true));
-        let slot = slot.or_else(|| self.tree.nearest(spot.position, *guess, |_| true))?;
+        let slot = slot.or_else(|| self.tree.nearest(spot.position, f32::INFINITY, *guess, |_| true))?;
         *guess = slot;
         Some(self.tree.order[slot] as usize)
     }

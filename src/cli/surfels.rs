@@ -47,15 +47,21 @@ fn bake(args: &SurfelsArgs, as_ply: bool) -> Result<()> {
     let run = args.messages.run();
     let mut settings = args.transport.settings();
     settings.gather = GatherMethod::Hemicube;
+    // Rays near receivers are for pictures; bounces among surfels have none.
+    settings.near_field = 0.0;
     let description = args.scene.load(&run)?;
     let scene = Scene::new(&description)?;
     let cloud = args.transport.cloud(&scene)?;
-    let world = World::prepare(scene, cloud, &settings, &run)?;
+    // What gathers need besides is let go before the file takes memory.
+    let (cloud, scene) = {
+        let world = World::prepare(scene, cloud, &settings, &run)?;
+        (world.cloud, world.scene)
+    };
     if as_ply {
-        ply::write(&args.output, &world.cloud, &world.scene.normalisation, args.ascii)?;
+        ply::write(&args.output, &cloud, &scene.normalisation, args.ascii)?;
     } else {
-        file::write(&args.output, &world.cloud, &world.scene)?;
+        file::write(&args.output, &cloud, &scene)?;
     }
-    run.reporter.info(&format!("{}: {} surfels", args.output.display(), world.cloud.len()));
+    run.reporter.info(&format!("{}: {} surfels", args.output.display(), cloud.len()));
     Ok(())
 }

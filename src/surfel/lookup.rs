@@ -109,7 +109,7 @@ impl SideLookup {
 }
 
 /// Asks a cloud for a value at each sample of a scene's charts, in their order.
-fn resample<T: Send>(
+fn resample<T: Clone + Default + Send>(
     accel: &Accel,
     closed: &ClosedTest,
     cloud: &SurfelCloud,
@@ -127,13 +127,21 @@ fn resample<T: Send>(
             (0..count).step_by(PIECE as usize).map(move |first| (chart, first..count.min(first + PIECE)))
         })
         .collect();
-    let of_piece = |(chart, samples): (usize, Range<u32>)| {
+    let mut samples = vec![T::default(); pieces.iter().map(|(_, samples)| samples.len()).sum()];
+    let mut rest = samples.as_mut_slice();
+    let mut places = Vec::with_capacity(pieces.len());
+    for piece in pieces {
+        let (place, after) = rest.split_at_mut(piece.1.len());
+        places.push((piece, place));
+        rest = after;
+    }
+    places.into_par_iter().for_each(|((chart, samples), place)| {
         let mut guess = 0;
-        let (surfels, value) = (&surfels, &value);
         let spacing = shares[charts.primitive(chart).0 as usize].sqrt();
-        spots(scene, &charts, chart, samples, spacing).map(move |spot| value(surfels, &spot, &mut guess))
-    };
-    let samples = pieces.into_par_iter().flat_map_iter(of_piece).collect();
+        for (sample, spot) in place.iter_mut().zip(spots(scene, &charts, chart, samples, spacing)) {
+            *sample = value(&surfels, &spot, &mut guess);
+        }
+    });
     (charts, samples)
 }
 

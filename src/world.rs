@@ -8,6 +8,7 @@ use crate::gather::create::{Surfels, choose_device, create};
 use crate::gather::device::{Choice, Chosen};
 use crate::gather::order::{Ordered, order};
 use crate::gather::traced::{TracedSettings, form_factors};
+use crate::heap;
 use crate::hemicube::colour::AtlasFormat;
 use crate::hemicube::convolve::Convolver;
 use crate::hemicube::frame::{RECEIVER_INSIDE, Receiver};
@@ -34,6 +35,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+
+/// From so many surfels on, what shading them leaves free goes back to the system before their tree is built.
+const MANY_SURFELS: usize = 200_000;
 
 /// What all stages read while a picture is made.
 pub struct World {
@@ -148,6 +152,9 @@ impl World {
 
     fn prepare_drawing(&mut self, cloud: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<()> {
         self.prepare_surfels(cloud, settings, run)?;
+        if self.cloud.len() >= MANY_SURFELS {
+            heap::give_back();
+        }
         self.tree = run.clock.time(Stage::Tree, || (settings.lod > 0.0).then(|| self.surfel_tree()));
         self.drawables = Drawables::new(&self.cloud, self.tree.as_ref());
         self.drawables.enclosing = self.closed.encloses();

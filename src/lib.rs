@@ -26,6 +26,7 @@ pub mod scene;
 pub mod scenery;
 pub mod settings;
 pub mod shading;
+mod slices;
 pub mod stats;
 pub mod surfel;
 pub mod world;

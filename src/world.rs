@@ -271,6 +271,9 @@ impl World {
 
     /// Rounds the light of drawables to what an atlas of colours can hold, once for all gathers and devices.
     fn round_light(&mut self) {
+        if !self.format.is_colour() {
+            return;
+        }
         let Drawables { radiance, back_radiance, .. } = &mut self.drawables;
         for light in radiance.iter_mut().chain(back_radiance) {
             *light = self.format.radiance(*light);

@@ -131,9 +131,10 @@ impl TrianglePatch {
     }
 }
 
-/// Solid angle of a triangle of unit vectors, sr (Van Oosterom and Strackee 1983).
-fn solid_angle([a, b, c]: &[DVec3; 3]) -> f64 {
-    2.0 * a.dot(b.cross(*c)).abs().atan2(1.0 + a.dot(*b) + b.dot(*c) + c.dot(*a))
+/// Solid angle of a triangle of unit vectors, sr, above 0 where they run counter-clockwise seen from outside (Van Oosterom and
+/// Strackee 1983, "The Solid Angle of a Plane Triangle").
+pub(super) fn solid_angle([a, b, c]: &[DVec3; 3]) -> f64 {
+    2.0 * a.dot(b.cross(*c)).atan2(1.0 + a.dot(*b) + b.dot(*c) + c.dot(*a))
 }
 
 /// The solid angle of a triangle, prepared for uniform directions in it.
@@ -158,7 +159,7 @@ impl SphericalTriangle {
     /// `None` when it is small or degenerate.
     fn new(corners: &[DVec3; 3]) -> Option<Self> {
         let [a, b, c] = corners.map(|v| v.normalize_or_zero());
-        let solid_angle = solid_angle(&[a, b, c]);
+        let solid_angle = solid_angle(&[a, b, c]).abs();
         if solid_angle <= SMALL {
             return None;
         }
@@ -216,8 +217,9 @@ mod tests {
         let weight = mean(&|s| s.weight);
         assert!((weight - 1.0).abs() < 2e-3, "mean weight {weight} of {corners:?}");
         let (outline, inside) = (patch.polygon.corners(), mean(&|s| s.solid_angle));
-        let exact: f64 =
-            (0..patch.triangles()).map(|i| solid_angle(&triangle(outline, i).map(|c| c.normalize()))).sum();
+        let exact: f64 = (0..patch.triangles())
+            .map(|i| solid_angle(&triangle(outline, i).map(|c| c.normalize())).abs())
+            .sum();
         assert!((inside / exact - 1.0).abs() < 2e-3, "solid angle {inside}, not {exact}");
         // The vertical component squared tells a uniform spread over the solid angle from any other.
         let by_direction = mean(&|s| s.solid_angle * (s.point.x / s.point.length()).powi(2));

@@ -1,5 +1,6 @@
 //! Emissive triangles that together enclose a convex body: one light instead of thousands.
 
+use super::patch::solid_angle;
 use crate::accel::{ClusterNode, cluster};
 use crate::scene::Scene;
 use crate::scene::topology::{EdgeUse, Edges, Sets};
@@ -128,11 +129,7 @@ fn is_convex_everywhere(triangles: &[[Vec3; 3]], edges: &[SolidEdge]) -> bool {
 fn is_seen_once(triangles: &[[Vec3; 3]]) -> bool {
     let sum: DVec3 = triangles.iter().flatten().map(|v| v.as_dvec3()).sum();
     let middle = sum / (3.0 * triangles.len() as f64);
-    // Van Oosterom and Strackee 1983, "The Solid Angle of a Plane Triangle".
-    let angle = |corners: &[Vec3; 3]| {
-        let [a, b, c] = corners.map(|v| (v.as_dvec3() - middle).normalize());
-        2.0 * a.dot(b.cross(c)).atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a))
-    };
+    let angle = |corners: &[Vec3; 3]| solid_angle(&corners.map(|v| (v.as_dvec3() - middle).normalize()));
     // Whatever is turned away, or too degenerate to tell, makes the sum no number.
     let facing = |angle: f64| if angle > 0.0 { angle } else { f64::NAN };
     let angles: f64 = triangles.iter().map(|corners| facing(angle(corners))).sum();

@@ -82,7 +82,7 @@ impl<'a> Gathering<'a> {
 
     fn everywhere(&mut self, visible: &Visible) -> Result<IndirectLight> {
         let lit: Vec<u32> = (0..visible.points.len() as u32)
-            .filter(|&i| reflects(self.scene(), &visible.points[i as usize]))
+            .filter(|&i| visible.points[i as usize].reflects(self.scene()))
             .collect();
         let points: Vec<ShadingPoint> = lit.iter().map(|&i| visible.points[i as usize]).collect();
         let progress = self.run.reporter.progress("gathering", points.len() as u64);
@@ -146,11 +146,6 @@ impl<'a> Gathering<'a> {
         })?;
         Ok(estimates)
     }
-}
-
-/// Whether light that reaches the point can be seen.
-pub fn reflects(scene: &Scene, point: &ShadingPoint) -> bool {
-    !point.black && scene.materials[point.material as usize].albedo != Vec3::ZERO
 }
 
 /// What a finished batch found out.

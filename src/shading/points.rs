@@ -31,6 +31,11 @@ pub struct ShadingPoint {
 }
 
 impl ShadingPoint {
+    /// Whether light that reaches the point can be seen by reflection in all directions.
+    pub fn reflects(&self, scene: &Scene) -> bool {
+        !self.black && scene.materials[self.material as usize].albedo != Vec3::ZERO
+    }
+
     /// Decides how this point's hemicube is turned.
     pub fn gather_seed(&self, seed: u32) -> u32 {
         hash32(seed ^ hash32(self.stream as u32) ^ (self.stream >> 32) as u32)

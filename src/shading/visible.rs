@@ -9,6 +9,7 @@ use crate::accel::{Accel, Coherence, Seen};
 use crate::error::Result;
 use crate::interrupt;
 use crate::lanes::LANES;
+use crate::slices::parts_mut;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -150,14 +151,8 @@ impl Part {
 fn joined<T: Copy + Send + Sync>(parts: &[&[T]]) -> Vec<T> {
     let count = parts.iter().map(|part| part.len()).sum();
     let mut all = Vec::with_capacity(count);
-    let mut room = &mut all.spare_capacity_mut()[..count];
-    let mut copies = Vec::with_capacity(parts.len());
-    for part in parts {
-        let (place, rest) = room.split_at_mut(part.len());
-        copies.push((place, part));
-        room = rest;
-    }
-    copies.into_par_iter().for_each(|(place, part)| {
+    let places = parts_mut(&mut all.spare_capacity_mut()[..count], parts.iter().map(|part| part.len()));
+    places.into_par_iter().zip(parts).for_each(|(place, part)| {
         for (place, item) in place.iter_mut().zip(*part) {
             place.write(*item);
         }

@@ -6,6 +6,7 @@ use super::cloud::SurfelCloud;
 use super::reconstruct::{Reconstruction, Spot, SpotLight};
 use crate::accel::{Accel, SurfacePoint};
 use crate::scene::Scene;
+use crate::slices::parts_mut;
 use glam::{Vec3, Vec4, Vec4Swizzles};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -128,14 +129,8 @@ fn resample<T: Clone + Default + Send>(
         })
         .collect();
     let mut samples = vec![T::default(); pieces.iter().map(|(_, samples)| samples.len()).sum()];
-    let mut rest = samples.as_mut_slice();
-    let mut places = Vec::with_capacity(pieces.len());
-    for piece in pieces {
-        let (place, after) = rest.split_at_mut(piece.1.len());
-        places.push((piece, place));
-        rest = after;
-    }
-    places.into_par_iter().for_each(|((chart, samples), place)| {
+    let places = parts_mut(&mut samples, pieces.iter().map(|(_, samples)| samples.len()));
+    pieces.into_par_iter().zip(places).for_each(|((chart, samples), place)| {
         let mut guess = 0;
         let spacing = shares[charts.primitive(chart).0 as usize].sqrt();
         for (sample, spot) in place.iter_mut().zip(spots(scene, &charts, chart, samples, spacing)) {

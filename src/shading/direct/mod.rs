@@ -123,8 +123,7 @@ impl<'a> Lit<'a> {
 
     /// Whether a point's shadows are found here: it reflects light, and by its cosine alone.
     fn is_matte(&self, point: &ShadingPoint) -> bool {
-        let material = &self.scenery.scene.materials[point.material as usize];
-        !point.black && material.specular == Vec3::ZERO && material.albedo != Vec3::ZERO
+        point.reflects(&self.scenery.scene) && !self.is_glossy(point)
     }
 }
 

@@ -66,11 +66,7 @@ struct Sums<F> {
 /// Fits at eight points.
 #[inline(always)]
 pub fn fit<F: F32x8>(records: &RecordLanes, points: &PointLanes) -> [Fit; LANES] {
-    let mut sums = Sums::<F>::new();
-    let at = points.load::<F>();
-    for record in &records.list {
-        sums.add(record, &at);
-    }
+    let mut sums = Sums::<F>::of(records, &points.load());
     sums.leave_out(points);
     let plane = sums.plane();
     let (known, distance) = (sums.known(), sums.distance());
@@ -81,11 +77,8 @@ pub fn fit<F: F32x8>(records: &RecordLanes, points: &PointLanes) -> [Fit; LANES]
 /// Fits around the middles of eight quads, and what their planes say of the corners.
 #[inline(always)]
 pub fn fit_quads<F: F32x8>(records: &RecordLanes, quads: &QuadLanes) -> [QuadFit; LANES] {
-    let mut sums = Sums::<F>::new();
     let at = quads.middles.load::<F>();
-    for record in &records.list {
-        sums.add(record, &at);
-    }
+    let sums = Sums::of(records, &at);
     let plane = sums.plane();
     let mut light = [[Vec3::ZERO; LANES]; 4];
     for (light, corner) in light.iter_mut().zip(&quads.corners) {
@@ -131,6 +124,15 @@ pub struct FitRecord {
 }
 
 impl<F: F32x8> Sums<F> {
+    #[inline(always)]
+    fn of(records: &RecordLanes, at: &Points8<F>) -> Self {
+        let mut sums = Self::new();
+        for record in &records.list {
+            sums.add(record, at);
+        }
+        sums
+    }
+
     #[inline(always)]
     fn new() -> Self {
         let zero = F::splat(0.0);

@@ -3,7 +3,6 @@
 use super::contact::is_at_contact;
 use super::tiles::TilePoints;
 use crate::scene::Scene;
-use crate::shading::indirect::reflects;
 use crate::shading::points::View;
 use crate::shading::visible::{Visible, same_surface};
 use rayon::prelude::*;
@@ -35,7 +34,7 @@ impl Kinds {
         let of_row = |row: u32| {
             (0..visible.width).flat_map(move |x| {
                 visible.of_row(row, x..x + 1).map(move |i| {
-                    if !reflects(scene, &visible.points[i]) {
+                    if !visible.points[i].reflects(scene) {
                         Kind::Unlit
                     } else if is_at_contact(view, visible, (x, row), i) {
                         Kind::Contact

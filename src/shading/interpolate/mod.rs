@@ -23,6 +23,7 @@ use crate::error::Result;
 use crate::gather::Estimate;
 use crate::interrupt;
 use crate::math::hash32;
+use crate::slices::parts_mut;
 use crate::stats::Stage;
 use glam::Vec3;
 use kinds::{Kind, Kinds};
@@ -142,16 +143,10 @@ impl<'v> Fields<'v> {
     /// The fits everywhere; returns the points that have no record near.
     fn fill(&self, irradiance: &mut [Vec3]) -> Vec<u32> {
         // The points of a row of tiles follow each other.
-        let mut rest = irradiance;
-        let mut rows = Vec::new();
-        for tile_row in 0..self.open.tile_rows() {
-            let points = self.open.points_of_row(tile_row);
-            let (row, after) = rest.split_at_mut(points.len());
-            rows.push((tile_row, points.start, row));
-            rest = after;
-        }
-        let of_row = |rooms: &mut Rooms, (tile_row, first, irradiance): (u32, usize, &mut [Vec3])| {
-            let mut missing = Vec::new();
+        let tile_rows = 0..self.open.tile_rows();
+        let rows = parts_mut(irradiance, tile_rows.clone().map(|row| self.open.points_of_row(row).len()));
+        let of_row = |rooms: &mut Rooms, (tile_row, irradiance): (u32, &mut [Vec3])| {
+            let (first, mut missing) = (self.open.points_of_row(tile_row).start, Vec::new());
             for tile in self.open.tiles_of_row(tile_row) {
                 let pixels = self.open.pixels(tile);
                 self.kinds.sort_tile(self.view, self.visible, pixels, &mut rooms.open, &mut rooms.contacts);
@@ -162,7 +157,7 @@ impl<'v> Fields<'v> {
             }
             missing
         };
-        rows.into_par_iter().map_init(Rooms::default, of_row).flatten_iter().collect()
+        tile_rows.into_par_iter().zip(rows).map_init(Rooms::default, of_row).flatten_iter().collect()
     }
 
     /// Diagnostics by visible point: nothing is known of those without light.

@@ -24,6 +24,7 @@ use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 use quadric::{cuboid_normal, cuboid_surface, in_object_space, sphere_surface};
 use ray::Ray;
+use rayon::prelude::*;
 use std::sync::Arc;
 use walk::Walk;
 use wide::Wide;
@@ -40,6 +41,9 @@ pub const RAY_OFFSET: f32 = 5e-7;
 
 /// The part of the nodes that obvhs tries to put to a better place; more takes longer than it saves.
 const REINSERTED: f32 = 0.05;
+
+/// Primitives whose boxes a worker finds at a time, at least.
+const BOUNDED: usize = 4096;
 
 /// Where a ray first meets a surface.
 #[derive(Debug, Clone, Copy)]
@@ -204,7 +208,11 @@ impl Accel {
 /// Reinsertion for Bounding Volume Hierarchy Optimization", 2018).
 fn binary_hierarchy(scene: &Scene) -> Bvh2 {
     let count = scene.primitive_count() as u32;
-    let bounds: Vec<Bounds> = (0..count).map(|p| Bounds(primitive_bounds(scene, p))).collect();
+    let bounds: Vec<Bounds> = (0..count)
+        .into_par_iter()
+        .with_min_len(BOUNDED)
+        .map(|p| Bounds(primitive_bounds(scene, p)))
+        .collect();
     let mut binary = PlocBuilder::with_capacity(bounds.len()).build(
         PlocSearchDistance::Medium,
         &bounds,

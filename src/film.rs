@@ -1,10 +1,15 @@
 //! The picture: scene-linear pixels, optional layers beside them, and the way to displayable values.
 
 use crate::error::{Error, Result};
+use bytemuck::allocation::zeroed_vec;
 use glam::Vec3;
+use rayon::prelude::*;
 use std::fmt;
 use std::ops::{AddAssign, Mul};
 use std::str::FromStr;
+
+/// Pixels that a worker takes at a time, at least.
+pub const PORTION: usize = 4096;
 
 /// A quantity that a film can hold beside the picture itself ("arbitrary output variable").
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -257,7 +262,7 @@ impl Film {
             .filter(|aov| aovs.contains(aov))
             .map(|aov| Layer { aov, values: vec![0.0; count * aov.channels().len()] })
             .collect();
-        Self { width, height, pixels: vec![Vec3::ZERO; count], reflected: None, layers }
+        Self { width, height, pixels: zeroed_vec(count), reflected: None, layers }
     }
 
     /// Makes room for reflected light apart, if that is wanted.
@@ -282,13 +287,11 @@ impl Film {
     /// Replaces every value that must not be written (see [`sanitised`]) and says how many pixels had one, so that the
     /// caller can warn.
     pub fn sanitise(&mut self) -> usize {
-        let mut repaired = 0;
-        for pixel in &mut self.pixels {
+        let repair = |pixel: &mut Vec3| {
             let clean = sanitised(*pixel);
-            repaired += usize::from(clean != *pixel);
-            *pixel = clean;
-        }
-        repaired
+            usize::from(std::mem::replace(pixel, clean) != clean)
+        };
+        self.pixels.par_iter_mut().with_min_len(PORTION).map(repair).sum()
     }
 }
 

@@ -3,6 +3,7 @@
 use crate::accel::Accel;
 use crate::direct::Lights;
 use crate::scene::Scene;
+use crate::scene::topology::Edges;
 use std::sync::Arc;
 
 /// A scene with its ray queries and lights. Clones share them.
@@ -14,13 +15,17 @@ pub struct Scenery {
     pub accel: Arc<Accel>,
     /// Its lights.
     pub lights: Arc<Lights>,
+    /// The edges of its triangles.
+    pub edges: Arc<Edges>,
 }
 
 impl Scenery {
-    /// Builds ray queries and lights.
+    /// Builds ray queries and lights, and finds the edges.
     pub fn new(scene: Scene) -> Self {
         let scene = Arc::new(scene);
-        let (accel, lights) = rayon::join(|| Accel::new(Arc::clone(&scene)), || Lights::new(&scene));
-        Self { scene, accel: Arc::new(accel), lights: Arc::new(lights) }
+        // The edges are wanted later, by surfels, but most of the hierarchy is built by one thread.
+        let beside = || rayon::join(|| Lights::new(&scene), || Edges::new(&scene.triangles));
+        let (accel, (lights, edges)) = rayon::join(|| Accel::new(Arc::clone(&scene)), beside);
+        Self { scene, accel: Arc::new(accel), lights: Arc::new(lights), edges: Arc::new(edges) }
     }
 }

@@ -47,6 +47,7 @@ pub struct World {
     pub accel: Arc<Accel>,
     /// Its lights.
     pub lights: Arc<Lights>,
+    edges: Arc<Edges>,
     /// Its surfels, shaded; empty when the gather method needs none.
     pub cloud: SurfelCloud,
     /// The hierarchy over the surfels, for level of detail.
@@ -107,11 +108,12 @@ impl World {
     }
 
     fn without_surfels(scenery: Scenery, settings: &Settings) -> Result<Self> {
-        let Scenery { scene, accel, lights } = scenery;
+        let Scenery { scene, accel, lights, edges } = scenery;
         Ok(Self {
             scene,
             accel,
             lights,
+            edges,
             cloud: SurfelCloud::default(),
             tree: None,
             drawables: Drawables::default(),
@@ -147,6 +149,7 @@ impl World {
             scene: Arc::clone(&self.scene),
             accel: Arc::clone(&self.accel),
             lights: Arc::clone(&self.lights),
+            edges: Arc::clone(&self.edges),
         }
     }
 
@@ -194,24 +197,18 @@ impl World {
     }
 
     fn prepare_surfels(&mut self, given: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<()> {
-        let edges = run.clock.time(Stage::Surfels, || Edges::new(&self.scene.triangles));
-        self.closed = run.clock.time(Stage::Surfels, || ClosedTest::new(&self.scene, &edges, &self.accel));
-        self.cloud = run.clock.time(Stage::Surfels, || self.surfels(given, &edges, settings, run))?;
+        let closed = || ClosedTest::new(&self.scene, &self.edges, &self.accel);
+        self.closed = run.clock.time(Stage::Surfels, closed);
+        self.cloud = run.clock.time(Stage::Surfels, || self.surfels(given, settings, run))?;
         Ok(())
     }
 
-    fn surfels(
-        &self,
-        given: Option<SurfelCloud>,
-        edges: &Edges,
-        settings: &Settings,
-        run: &Run,
-    ) -> Result<SurfelCloud> {
+    fn surfels(&self, given: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<SurfelCloud> {
         let mut cloud = match given {
             Some(cloud) => cloud,
             None => {
                 let density = generate_settings(&self.scene, settings);
-                generate(&self.scene, edges, &self.closed, &density, &run.reporter)?
+                generate(&self.scene, &self.edges, &self.closed, &density, &run.reporter)?
             }
         };
         let shading = ShadeSettings {

@@ -6,7 +6,7 @@
 use super::block::Block;
 use super::ray::RayLanes;
 use crate::lanes::{F32x8, LANES, Mask8};
-use crate::scene::Scene;
+use crate::scene::{PrimitiveId, Scene};
 use obvhs::bvh2::Bvh2;
 
 /// More than the rounding of the distance at which a ray leaves a box, relative (Ize, "Robust BVH Ray Traversal", JCGT 2013).
@@ -93,19 +93,25 @@ impl Node {
 impl Wide {
     /// Joins the nodes of a binary hierarchy over the primitives of a scene.
     pub fn new(scene: &Scene, binary: &Bvh2) -> Self {
-        let mut wide = Self { nodes: vec![Node::EMPTY], blocks: Vec::new() };
-        let mut open = Vec::new();
+        // About as many as there will be: moving them is dear.
+        let blocks = binary.primitive_indices.len() / 3;
+        let mut wide = Self { nodes: Vec::with_capacity(1 + blocks / 4), blocks: Vec::with_capacity(blocks) };
+        wide.nodes.push(Node::EMPTY);
+        let counted = Counted::new(binary);
+        let (mut open, mut few) = (Vec::new(), Vec::with_capacity(LANES));
         if !binary.nodes.is_empty() {
-            open.push((0, Subtree::new(binary, 0)));
+            open.push((0, counted.subtree(0)));
         }
         while let Some((number, subtree)) = open.pop() {
-            for (lane, child) in children(binary, subtree).into_iter().enumerate() {
-                let entry = match &child.few {
-                    Some(primitives) => {
-                        wide.blocks.push(Block::new(scene, primitives));
+            for (lane, child) in children(&counted, subtree).into_iter().enumerate() {
+                let entry = match child.few {
+                    true => {
+                        few.clear();
+                        counted.list(child.node, &mut few);
+                        wide.blocks.push(Block::new(scene, &few));
                         (wide.blocks.len() as u32 - 1) | BLOCK
                     }
-                    None => {
+                    false => {
                         wide.nodes.push(Node::EMPTY);
                         wide.nodes.len() as u32 - 1
                     }
@@ -117,7 +123,7 @@ impl Wide {
                     node.planes[axis][lane] = bounds.min[axis];
                     node.planes[axis + 3][lane] = bounds.max[axis];
                 }
-                if child.few.is_none() {
+                if !child.few {
                     open.push((entry, child));
                 }
             }
@@ -126,67 +132,93 @@ impl Wide {
     }
 }
 
+/// A binary hierarchy, with how many primitives there are below each of its nodes.
+struct Counted<'a> {
+    binary: &'a Bvh2,
+    counts: Vec<u32>,
+}
+
+impl<'a> Counted<'a> {
+    fn new(binary: &'a Bvh2) -> Self {
+        let mut counts = vec![0; binary.nodes.len()];
+        // Parents before children, whatever their numbers.
+        let mut order = Vec::with_capacity(binary.nodes.len());
+        order.extend((!binary.nodes.is_empty()).then_some(0u32));
+        let mut next = 0;
+        while let Some(&node) = order.get(next) {
+            let node = &binary.nodes[node as usize];
+            if !node.is_leaf() {
+                order.extend([node.first_index, node.first_index + 1]);
+            }
+            next += 1;
+        }
+        for &number in order.iter().rev() {
+            let node = &binary.nodes[number as usize];
+            counts[number as usize] = match node.is_leaf() {
+                true => node.prim_count,
+                false => counts[node.first_index as usize] + counts[node.first_index as usize + 1],
+            };
+        }
+        Self { binary, counts }
+    }
+
+    fn subtree(&self, node: u32) -> Subtree {
+        let area = self.binary.nodes[node as usize].aabb().half_area();
+        Subtree { node, area, few: self.counts[node as usize] <= LANES as u32 }
+    }
+
+    fn halves(&self, subtree: &Subtree) -> Option<[Subtree; 2]> {
+        let node = &self.binary.nodes[subtree.node as usize];
+        (!node.is_leaf()).then(|| [0, 1].map(|i| self.subtree(node.first_index + i)))
+    }
+
+    /// Adds the primitives below a node, in order.
+    fn list(&self, node: u32, primitives: &mut Vec<PrimitiveId>) {
+        let node = &self.binary.nodes[node as usize];
+        let first = node.first_index;
+        if node.is_leaf() {
+            primitives.extend(&self.binary.primitive_indices[first as usize..][..node.prim_count as usize]);
+        } else {
+            self.list(first, primitives);
+            self.list(first + 1, primitives);
+        }
+    }
+}
+
 /// A node of the binary hierarchy with all below it.
 struct Subtree {
     node: u32,
     /// Half the surface of its box.
     area: f32,
-    /// Its primitives, if a block has room for them.
-    few: Option<Vec<u32>>,
-}
-
-impl Subtree {
-    fn new(binary: &Bvh2, node: u32) -> Self {
-        let area = binary.nodes[node as usize].aabb().half_area();
-        Self { node, area, few: few_primitives(binary, node) }
-    }
-
-    fn halves(&self, binary: &Bvh2) -> Option<[Self; 2]> {
-        let node = &binary.nodes[self.node as usize];
-        (!node.is_leaf()).then(|| [0, 1].map(|i| Self::new(binary, node.first_index + i)))
-    }
-}
-
-fn few_primitives(binary: &Bvh2, node: u32) -> Option<Vec<u32>> {
-    let mut primitives = Vec::with_capacity(LANES);
-    let mut below = vec![node];
-    while let Some(node) = below.pop() {
-        let node = &binary.nodes[node as usize];
-        if node.is_leaf() {
-            let first = node.first_index as usize;
-            primitives.extend(&binary.primitive_indices[first..first + node.prim_count as usize]);
-        } else {
-            below.extend([node.first_index + 1, node.first_index]);
-        }
-        // Whatever is still below has one primitive at the least.
-        if primitives.len() + below.len() > LANES {
-            return None;
-        }
-    }
-    Some(primitives)
+    /// Whether a block has room for its primitives.
+    few: bool,
 }
 
 /// What a node's children shall be: its halves, the largest of them opened again and again.
-fn children(binary: &Bvh2, subtree: Subtree) -> Vec<Subtree> {
-    let mut children = match subtree.halves(binary) {
-        Some(halves) if subtree.few.is_none() => Vec::from(halves),
+fn children(counted: &Counted, subtree: Subtree) -> Vec<Subtree> {
+    let mut children = match counted.halves(&subtree) {
+        Some(halves) if !subtree.few => {
+            let mut children = Vec::with_capacity(LANES);
+            children.extend(halves);
+            children
+        }
         _ => return vec![subtree],
     };
     let by_area = |(_, a): &(usize, &Subtree), (_, b): &(usize, &Subtree)| a.area.total_cmp(&b.area);
     while children.len() < LANES {
-        let large = children.iter().enumerate().filter(|(_, child)| child.few.is_none()).max_by(by_area);
+        let large = children.iter().enumerate().filter(|(_, child)| !child.few).max_by(by_area);
         let Some((largest, _)) = large else { break };
-        let halves = children[largest].halves(binary);
+        let halves = counted.halves(&children[largest]);
         children.swap_remove(largest);
         children.extend(halves.into_iter().flatten());
     }
     while children.len() < LANES {
-        let gains = children.iter().map(|child| gain(binary, child)).enumerate();
+        let gains = children.iter().map(|child| gain(counted.binary, child)).enumerate();
         let Some((best, gain)) = gains.max_by(|a, b| a.1.total_cmp(&b.1)) else { break };
         if gain <= 0.0 {
             break;
         }
-        let halves = children[best].halves(binary);
+        let halves = counted.halves(&children[best]);
         children.swap_remove(best);
         children.extend(halves.into_iter().flatten());
     }
@@ -196,7 +228,7 @@ fn children(binary: &Bvh2, subtree: Subtree) -> Vec<Subtree> {
 /// What dividing a small leaf saves, as an area; above 0 if it is worth the room.
 fn gain(binary: &Bvh2, leaf: &Subtree) -> f32 {
     let node = &binary.nodes[leaf.node as usize];
-    if leaf.few.is_none() || node.is_leaf() {
+    if !leaf.few || node.is_leaf() {
         return 0.0;
     }
     let area = |i: u32| binary.nodes[(node.first_index + i) as usize].aabb().half_area();

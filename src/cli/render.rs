@@ -91,6 +91,9 @@ pub fn run(args: &RenderArgs) -> Result<()> {
 
 fn render_to_file(args: &RenderArgs, format: ImageFormat) -> Result<()> {
     let started = Instant::now();
+    if matches!(args.transport.settings().density, SurfelDensity::Count(count) if count <= FEW_SURFELS) {
+        keep_freed_memory();
+    }
     let mut run = args.messages.run();
     run.clock.timeline = args.timeline.as_ref().map(|_| Timeline::new());
     let (scenery, camera) = run.clock.time(Stage::Load, || -> Result<_> {
@@ -123,12 +126,10 @@ fn make(
     settings: Settings,
     run: &Run,
 ) -> Result<Made> {
-    if matches!(settings.density, SurfelDensity::Count(count) if count <= FEW_SURFELS) {
-        keep_freed_memory();
-    }
     let cloud = args.transport.cloud(&scenery.scene)?;
     let view = View::new(&scenery.scene, camera, args.width, args.height, settings.samples, settings.seed);
-    let (world, film) = render_scene(scenery, cloud, &view, &settings, &args.aov, run)?;
+    // On a worker, which hands out work without being woken when it is done.
+    let (world, film) = rayon::scope(|_| render_scene(scenery, cloud, &view, &settings, &args.aov, run))?;
     Ok(Made { world, view, settings, film })
 }
 

@@ -15,6 +15,7 @@ use crate::accel::offset_origin;
 use crate::math::{Rng, cosine_hemisphere, uniform_triangle};
 use crate::scene::{PrimitiveId, Scene};
 use glam::{DVec3, Vec2, Vec3};
+use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::ops::Range;
 
@@ -26,6 +27,9 @@ const SMALL: f64 = 0.01;
 
 /// Points that probing rays go to.
 const PROBES: usize = 1024;
+
+/// Receivers whose outlines a worker sums up without asking another for help.
+const ALONE: usize = 32;
 
 /// How far those points lie below the surface, relative to their distance from the middle.
 const WITHIN: f32 = 1e-3;
@@ -103,20 +107,30 @@ impl ConvexLight {
     /// [`Self::irradiance`] at many receivers, to 5e-4 of what surfaces facing the light get.
     pub(super) fn irradiances(&self, receivers: &[Local]) -> Vec<f64> {
         let mut irradiances = vec![0.0; receivers.len()];
-        let mut clear = Vec::with_capacity(receivers.len());
+        let (mut clear, mut others) = (Vec::with_capacity(receivers.len()), Vec::new());
         for (index, local) in receivers.iter().enumerate() {
             let to_centre = self.centre - local.origin();
             let height = to_centre.dot(local.normal());
             let near = to_centre.length_squared() < (flux::NEAR * self.radius).powi(2);
-            let small = to_centre.length_squared() * (SMALL * SMALL) > self.mean_radius_squared;
             if near || height.abs() <= self.radius {
-                irradiances[index] =
-                    if small { self.irradiance(local) } else { self.rough_irradiance(local) };
+                others.push(index);
             } else if height > 0.0 {
                 clear.push(Flux { index, at: local.origin(), vector: DVec3::ZERO });
             }
         }
-        flux::find(self, &mut clear);
+        let alone = |&index: &usize| {
+            let local = &receivers[index];
+            let distance_squared = self.centre.distance_squared(local.origin());
+            match distance_squared * (SMALL * SMALL) > self.mean_radius_squared {
+                true => self.irradiance(local),
+                false => self.rough_irradiance(local),
+            }
+        };
+        let (found, ()): (Vec<f64>, ()) = rayon::join(
+            || others.par_iter().with_min_len(ALONE).map(alone).collect(),
+            || flux::find(self, &mut clear),
+        );
+        others.iter().zip(found).for_each(|(&index, found)| irradiances[index] = found);
         clear.iter().for_each(|f| irradiances[f.index] = f.vector.dot(receivers[f.index].normal()));
         irradiances
     }

@@ -21,6 +21,9 @@ pub(super) const NEAR: f64 = 2.0;
 /// As many receivers as make a box worth while, whose corners and middle are computed.
 const WORTH: usize = 18;
 
+/// So many receivers are not worth another thread.
+const ALONE: usize = 256;
+
 /// A receiver, and the vector irradiance there.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Flux {
@@ -47,8 +50,12 @@ pub(super) fn find(light: &ConvexLight, receivers: &mut [Flux]) {
     let half = receivers.len() / 2;
     receivers.select_nth_unstable_by(half, |a, b| a.at[axis].total_cmp(&b.at[axis]));
     let (below, above) = receivers.split_at_mut(half);
-    find(light, below);
-    find(light, above);
+    if half > ALONE {
+        rayon::join(|| find(light, below), || find(light, above));
+    } else {
+        find(light, below);
+        find(light, above);
+    }
 }
 
 /// A box in which what is left of F is linear in each coordinate.

@@ -1,7 +1,7 @@
 //! OpenEXR by the `exr` crate: one part, channels R G B and `layer.component`.
 
 use super::{LinearImage, check_dimensions};
-use crate::film::{Film, sanitised};
+use crate::film::{Film, PORTION, sanitised};
 use exr::meta::MetaData;
 use exr::meta::header::Header;
 use exr::prelude::{
@@ -9,7 +9,11 @@ use exr::prelude::{
     ReadSpecificChannel, Text, Vec2, WritableImage, read,
 };
 use glam::Vec3;
+use rayon::prelude::*;
 use std::io::{self, Cursor, Read, Seek};
+
+/// Bytes enough for what a file holds beside its samples, mostly.
+const HEADER: usize = 1 << 16;
 
 /// The whole file as bytes.
 pub fn encode(film: &Film) -> io::Result<Vec<u8>> {
@@ -19,7 +23,8 @@ pub fn encode(film: &Film) -> io::Result<Vec<u8>> {
     attributes.software_name = Some(Text::from(concat!("surflux ", env!("CARGO_PKG_VERSION"))));
     let channels = AnyChannels::sort(channels(film).collect());
     let image = Image::from_layer(Layer::new(size, attributes, Encoding::UNCOMPRESSED, channels));
-    let mut bytes = Cursor::new(Vec::new());
+    let room = film.pixels.len() * size_of::<f32>() * image.layer_data.channel_data.list.len() + HEADER;
+    let mut bytes = Cursor::new(Vec::with_capacity(room));
     image.write().non_parallel().to_buffered(&mut bytes).map_err(|e| match e {
         exr::error::Error::Io(e) => e,
         e => io::Error::other(e.to_string()),
@@ -29,7 +34,8 @@ pub fn encode(film: &Film) -> io::Result<Vec<u8>> {
 
 fn channels(film: &Film) -> impl Iterator<Item = AnyChannel<FlatSamples>> + '_ {
     let picture = ["R", "G", "B"].into_iter().enumerate().map(|(component, name)| {
-        let samples = film.pixels.iter().map(|&pixel| sanitised(pixel)[component]).collect();
+        let sample = |&pixel: &Vec3| sanitised(pixel)[component];
+        let samples = film.pixels.par_iter().with_min_len(PORTION).map(sample).collect();
         AnyChannel::new(name, FlatSamples::F32(samples))
     });
     let layers = film.layers().iter().flat_map(|layer| {

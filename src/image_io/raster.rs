@@ -1,12 +1,13 @@
 //! Radiance HDR, PNG and TGA by the `image` crate.
 
 use super::{ImageFormat, LinearImage, check_dimensions};
-use crate::film::{Film, exposure_factor, quantise, sanitised, srgb_decode, srgb_encode};
+use crate::film::{Film, PORTION, exposure_factor, quantise, sanitised, srgb_decode, srgb_encode};
 use glam::Vec3;
 use image::codecs::{hdr::HdrEncoder, png::PngEncoder, tga::TgaEncoder};
 use image::{
     DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageError, ImageReader, Limits, Rgb,
 };
+use rayon::prelude::*;
 use std::io::{self, BufRead, Seek};
 
 /// Range of the brightest component that RGBE can store; the encoder wraps round outside.
@@ -36,16 +37,14 @@ fn for_rgbe(pixel: Vec3) -> Vec3 {
 /// A film as an 8-bit sRGB file.
 pub fn encode_srgb(film: &Film, format: ImageFormat, exposure: f32) -> io::Result<Vec<u8>> {
     let factor = exposure_factor(exposure);
-    let levels: Vec<u8> = film
-        .pixels
-        .iter()
-        .flat_map(|&pixel| (sanitised(pixel) * factor).to_array().map(|v| quantise(srgb_encode(v))))
-        .collect();
+    let level = |&pixel: &Vec3| (sanitised(pixel) * factor).to_array().map(|v| quantise(srgb_encode(v)));
+    let levels: Vec<[u8; 3]> = film.pixels.par_iter().with_min_len(PORTION).map(level).collect();
+    let levels = levels.as_flattened();
     let mut bytes = Vec::new();
     let (width, height, colour) = (film.width, film.height, ExtendedColorType::Rgb8);
     let written = match format {
-        ImageFormat::Tga => TgaEncoder::new(&mut bytes).write_image(&levels, width, height, colour),
-        _ => PngEncoder::new(&mut bytes).write_image(&levels, width, height, colour),
+        ImageFormat::Tga => TgaEncoder::new(&mut bytes).write_image(levels, width, height, colour),
+        _ => PngEncoder::new(&mut bytes).write_image(levels, width, height, colour),
     };
     written.map_err(io_error)?;
     Ok(bytes)

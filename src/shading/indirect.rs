@@ -16,6 +16,7 @@ use crate::scene::Scene;
 use crate::settings::Settings;
 use crate::stats::Stage;
 use crate::world::World;
+use bytemuck::allocation::zeroed_vec;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::cell::RefCell;
@@ -41,7 +42,7 @@ impl IndirectLight {
     /// No indirect light at so many points.
     pub fn none(points: usize, settings: &Settings) -> Self {
         let diagnosed = if settings.diagnostics { points } else { 0 };
-        Self { irradiance: vec![Vec3::ZERO; points], diagnostics: vec![Diagnostics::default(); diagnosed] }
+        Self { irradiance: zeroed_vec(points), diagnostics: vec![Diagnostics::default(); diagnosed] }
     }
 }
 

@@ -45,7 +45,8 @@ impl Visible {
             .map(|first| first..rows.end.min(first + strip::ROWS))
             .collect();
         let worker = || Worker { strip: Strip::new(view), refinement: Refinement::new(view, accel) };
-        let parts: Vec<Part> = strips.into_par_iter().map_init(worker, Worker::trace).collect();
+        let parts: Vec<Part> =
+            strips.into_par_iter().with_max_len(2).map_init(worker, Worker::trace).collect();
         interrupt::check()?;
         let starts_of_parts = parts.iter().scan(0, |count, part| {
             let start = *count;

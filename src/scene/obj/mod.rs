@@ -9,15 +9,18 @@ mod mtl;
 mod plain;
 mod scan;
 
-use super::mesh::MeshBuilder;
+use super::mesh::Faces;
 use super::source::read_file;
-use super::{Material, SceneDescription};
+use super::{Material, SceneDescription, Shape};
 use crate::error::{Error, Result};
 use glam::DVec3;
 use lines::Statements;
 use scan::{Library, Scan};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
+
+/// More corners of faces make more triangles than primitives have numbers.
+const MOST_CORNERS: usize = 3_000_000_000;
 
 /// The scene that the text of the file `path` describes. Material libraries are read from beside it.
 ///
@@ -37,11 +40,10 @@ pub fn parse(path: &Path, text: &[u8]) -> Result<SceneDescription> {
     let mut scene = SceneDescription { warnings, ..Default::default() };
     scene.materials = materials.iter().map(mtl::material).collect();
     scene.materials.push(Material::default());
-    scene.shapes = meshes(&scan, &materials)
-        .ok_or_else(|| Error::file(path, "the file has more than a billion triangles"))?
-        .into_iter()
-        .filter_map(MeshBuilder::build)
-        .collect();
+    if scan.corners.len() > MOST_CORNERS {
+        return Err(Error::file(path, "the file has more than a billion triangles"));
+    }
+    scene.shapes = meshes(scan, &materials).collect();
     Ok(scene)
 }
 
@@ -107,11 +109,20 @@ fn unknown_materials(path: &Path, scan: &Scan, materials: &[tobj::Material]) -> 
         .collect()
 }
 
-/// A flat and a smooth mesh. Faces without a known material have the one behind `materials`. `None` when there are too many
-/// triangles.
-fn meshes(scan: &Scan, materials: &[tobj::Material]) -> Option<[MeshBuilder; 2]> {
+/// A flat and a smooth mesh, if there is any triangle for them. Faces without a known material have the one behind `materials`.
+fn meshes(scan: Scan, materials: &[tobj::Material]) -> impl Iterator<Item = Shape> {
+    let [flat, smooth] = faces(&scan, materials);
+    let positions = scan.positions;
+    let shared = flat.len() > 0 && smooth.len() > 0;
+    let copy = if shared { positions.clone() } else { Vec::new() };
+    let (of_flat, of_smooth) = if flat.len() > 0 { (positions, copy) } else { (copy, positions) };
+    flat.over(|| of_flat).into_iter().chain(smooth.over(|| of_smooth))
+}
+
+/// The triangles of all faces: those without and those with normals.
+fn faces(scan: &Scan, materials: &[tobj::Material]) -> [Faces; 2] {
     let numbers: HashMap<&str, u32> = materials.iter().map(|m| m.name.as_str()).zip(0..).collect();
-    let (mut flat, mut smooth) = (MeshBuilder::default(), MeshBuilder::default());
+    let (mut flat, mut smooth) = (Faces::default(), Faces::default());
     let mut uses = scan.uses.iter().peekable();
     let (mut material, mut begin) = (materials.len() as u32, 0);
     for &end in &scan.ends {
@@ -121,16 +132,16 @@ fn meshes(scan: &Scan, materials: &[tobj::Material]) -> Option<[MeshBuilder; 2]>
         let face = &scan.corners[begin..end];
         for pair in face[1..].windows(2) {
             let corners = [face[0], pair[0], pair[1]];
-            let positions = corners.map(|c| scan.positions[c.position as usize - 1]);
+            let triangle = corners.map(|c| c.position - 1);
             let normals = (corners[0].normal > 0)
                 .then(|| unit_normals(corners.map(|c| scan.normals[c.normal as usize - 1])))
                 .flatten();
             let target = if normals.is_some() { &mut smooth } else { &mut flat };
-            target.push(positions, normals, material)?;
+            target.push(triangle, triangle.map(|c| scan.positions[c as usize]), normals, material);
         }
         begin = end;
     }
-    Some([flat, smooth])
+    [flat, smooth]
 }
 
 /// A triangle one of whose normals has no length is flat.

@@ -3,9 +3,18 @@
 use super::super::points::View;
 use super::super::visible::{Visible, same_surface};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Pixels that a neighbourhood reaches to each side.
 pub const REACH: u32 = 2;
+
+/// Pixels across a neighbourhood.
+const ACROSS: u32 = 2 * REACH + 1;
+
+/// The bit of a neighbourhood's middle; the bits count its pixels row by row.
+const MIDDLE: u32 = 1 << (ACROSS * ACROSS / 2);
+/// The bits of the pixels on the four sides of the middle.
+const SIDES: u32 = MIDDLE << 1 | MIDDLE >> 1 | MIDDLE << ACROSS | MIDDLE >> ACROSS;
 
 /// Pixels as neighbours of each other.
 #[derive(Debug)]
@@ -13,6 +22,8 @@ pub struct Hood<'a> {
     visible: &'a Visible,
     /// The pixel of each point.
     pixels: Vec<u32>,
+    /// The neighbours of each point on its own surface, as bits; 0 where nobody has asked yet. They are asked for again and again.
+    alike: Vec<AtomicU32>,
 }
 
 /// A point in the neighbourhood of another.
@@ -42,7 +53,8 @@ impl<'a> Hood<'a> {
         for pixel in 0..visible.pixels() {
             pixels[visible.of_pixel(pixel)].fill(pixel as u32);
         }
-        Self { visible, pixels }
+        let alike = bytemuck::allocation::zeroed_vec(visible.points.len());
+        Self { visible, pixels, alike }
     }
 
     /// Column, and row counted from the first of the picture.
@@ -59,37 +71,72 @@ impl<'a> Hood<'a> {
     /// Whether a point's pixel and those on its four sides show nothing but the plane of the point.
     pub fn is_flat(&self, view: &View, point: usize) -> bool {
         let own = &self.visible.points[point];
-        let footprint = view.footprint(own.position);
-        let alike = |n: Neighbour| {
-            let other = &self.visible.points[n.point];
-            self.fills_pixel(n.point) && other.normal == own.normal && same_surface(own, other, footprint)
-        };
+        let alike = self.alike(view, point);
+        let in_plane =
+            |n: Neighbour| self.fills_pixel(n.point) && self.visible.points[n.point].normal == own.normal;
         own.normal == own.shading_normal
-            && self.around(point).filter(|n| n.dx.abs() + n.dy.abs() <= 1.0).filter(|&n| alike(n)).count()
-                == 5
+            && alike & SIDES == SIDES
+            && self.of_bits(point, alike & SIDES | MIDDLE).all(in_plane)
     }
 
     /// Points on the same surface in the pixels around, one a pixel.
+    #[inline]
     pub fn neighbours(&self, view: &View, point: usize) -> impl Iterator<Item = Neighbour> {
-        let own = &self.visible.points[point];
-        let footprint = view.footprint(own.position);
-        self.around(point).filter(move |n| {
-            n.point == point || same_surface(own, &self.visible.points[n.point], footprint * distance(n))
+        self.of_bits(point, self.alike(view, point))
+    }
+
+    /// The neighbours that bits stand for; a point itself in the middle.
+    #[inline]
+    fn of_bits(&self, point: usize, mut bits: u32) -> impl Iterator<Item = Neighbour> {
+        let pixel = self.pixels[point];
+        std::iter::from_fn(move || {
+            let bit = bits.trailing_zeros();
+            if bit == u32::BITS {
+                return None;
+            }
+            bits &= bits - 1;
+            let (down, right) = (bit / ACROSS, bit % ACROSS);
+            let at = pixel + down * self.visible.width + right - REACH * self.visible.width - REACH;
+            let neighbour = if at == pixel { point } else { self.visible.of_pixel(at as usize).start };
+            let reach = REACH as f32;
+            Some(Neighbour { point: neighbour, dx: right as f32 - reach, dy: down as f32 - reach })
         })
     }
 
-    /// The main points of the pixels around; a point itself in its own pixel.
-    fn around(&self, point: usize) -> impl Iterator<Item = Neighbour> {
+    /// Which pixels around show the surface of a point, by their main points.
+    #[inline]
+    fn alike(&self, view: &View, point: usize) -> u32 {
+        match self.alike[point].load(Ordering::Relaxed) {
+            0 => {
+                // Whoever asks at the same time finds the same.
+                let found = self.compare(view, point);
+                self.alike[point].store(found, Ordering::Relaxed);
+                found
+            }
+            known => known,
+        }
+    }
+
+    fn compare(&self, view: &View, point: usize) -> u32 {
         let (width, height) = (self.visible.width, self.visible.height());
+        let own = &self.visible.points[point];
+        let footprint = view.footprint(own.position);
         let pixel = self.pixels[point];
         let (x, row) = (pixel % width, pixel / width);
-        let range = |at: u32, end: u32| at.saturating_sub(REACH)..(at + REACH + 1).min(end);
-        range(row, height).flat_map(move |r| range(x, width).map(move |c| (r, c))).filter_map(
-            move |(r, c)| {
-                let neighbour = if (r, c) == (row, x) { point } else { self.visible.main_point(c, r)? };
-                Some(Neighbour { point: neighbour, dx: c as f32 - x as f32, dy: r as f32 - row as f32 })
-            },
-        )
+        let mut alike = MIDDLE;
+        for r in row.saturating_sub(REACH)..(row + REACH + 1).min(height) {
+            for c in x.saturating_sub(REACH)..(x + REACH + 1).min(width) {
+                let distance = r.abs_diff(row).max(c.abs_diff(x));
+                let other = self.visible.of_pixel((r * width + c) as usize);
+                if distance > 0
+                    && !other.is_empty()
+                    && same_surface(own, &self.visible.points[other.start], footprint * distance as f32)
+                {
+                    alike |= 1 << ((r + REACH - row) * ACROSS + c + REACH - x);
+                }
+            }
+        }
+        alike
     }
 
     /// For each pixel the bits that are set for any point within [`REACH`] pixels, whatever its surface.
@@ -119,8 +166,4 @@ impl<'a> Hood<'a> {
     pub fn pixel(&self, point: usize) -> usize {
         self.pixels[point] as usize
     }
-}
-
-fn distance(n: &Neighbour) -> f32 {
-    n.dx.abs().max(n.dy.abs())
 }

@@ -12,13 +12,16 @@ use crate::interrupt;
 use glam::Vec2;
 use rayon::prelude::*;
 
+/// Points that a worker takes at a time: their costs differ.
+const RAYED: usize = 64;
+
 /// Sets places in a pixel apart from points of a light.
 const PLACES: u32 = 0x9_1ace;
 
 /// Finds the visibility at points by all the rays that they may have.
 pub fn average(lit: &Lit, hood: &Hood, light: LightAlone, answers: &mut Answers, points: &[u32]) {
     let visible: Vec<f32> =
-        points.par_iter().with_min_len(16).map(|&i| visibility(lit, hood, light, i as usize)).collect();
+        points.par_iter().with_max_len(RAYED).map(|&i| visibility(lit, hood, light, i as usize)).collect();
     points.iter().zip(visible).for_each(|(&i, visible)| answers.visible[i as usize] = visible);
 }
 

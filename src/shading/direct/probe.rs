@@ -5,6 +5,7 @@ use super::interleaved::Interleaved;
 use super::{Lit, PORTION, lit_point};
 use crate::direct::sequence::Sequence;
 use crate::direct::{LightAlone, LitPoint};
+use bytemuck::allocation::zeroed_vec;
 use rayon::prelude::*;
 
 /// A ray arrived.
@@ -19,7 +20,7 @@ const PROBES_AT_EDGES: u32 = 4;
 /// Rays tried where the light reaches below the horizon.
 const TRIES: u32 = 4;
 
-/// Points that a worker takes at a time: some rows of an ordinary picture, so that they lie close together.
+/// Points whose unshadowed light is found together: some rows of an ordinary picture, so that they lie close together.
 const CHUNK: usize = 8192;
 
 /// Marks a disagreement in [`Hood::spread`].
@@ -79,22 +80,19 @@ impl Answers {
     pub fn probe(lit: &Lit, hood: &Hood, light: LightAlone) -> Self {
         let count = lit.visible.points.len();
         let mut answers =
-            Self { unshadowed: vec![0.0; count], visible: vec![0.0; count], found: vec![0; count] };
-        let unshadowed = answers.unshadowed.par_chunks_mut(CHUNK);
-        let portions =
-            unshadowed.zip(answers.visible.par_chunks_mut(CHUNK)).zip(answers.found.par_chunks_mut(CHUNK));
-        portions.enumerate().for_each(|(k, ((unshadowed, visible), found))| {
-            let first = k * CHUNK;
-            let matte: Vec<usize> =
-                (0..found.len()).filter(|i| lit.is_matte(&lit.visible.points[first + i])).collect();
-            let receivers: Vec<LitPoint> =
-                matte.iter().map(|i| lit_point(&lit.visible.points[first + i])).collect();
-            for ((&i, receiver), factor) in matte.iter().zip(&receivers).zip(light.unshadowed(&receivers)) {
-                if factor > 0.0 {
-                    unshadowed[i] = factor;
-                    found[i] = ask(lit, hood, light, first + i, receiver);
-                    visible[i] = if found[i] == LIT { 1.0 } else { 0.0 };
-                }
+            Self { unshadowed: zeroed_vec(count), visible: zeroed_vec(count), found: zeroed_vec(count) };
+        let points = &lit.visible.points;
+        let chunks = answers.unshadowed.par_chunks_mut(CHUNK).zip(points.par_chunks(CHUNK)).with_max_len(1);
+        chunks.for_each(|(unshadowed, points)| {
+            let matte: Vec<usize> = (0..points.len()).filter(|&i| lit.is_matte(&points[i])).collect();
+            let receivers: Vec<LitPoint> = matte.iter().map(|&i| lit_point(&points[i])).collect();
+            matte.iter().zip(light.unshadowed(&receivers)).for_each(|(&i, factor)| unshadowed[i] = factor);
+        });
+        let found = answers.found.par_iter_mut().zip(&mut answers.visible).zip(&answers.unshadowed);
+        found.enumerate().with_max_len(PORTION).for_each(|(i, ((found, visible), &factor))| {
+            if factor > 0.0 {
+                *found = ask(lit, hood, light, i, &lit_point(&points[i]));
+                *visible = if *found == LIT { 1.0 } else { 0.0 };
             }
         });
         answers

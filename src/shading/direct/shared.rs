@@ -169,7 +169,7 @@ fn trace<'a>(lit: &Lit<'a>, hood: &Hood, light: LightAlone<'a>, points: &[u32]) 
         points.iter().map(trace).collect::<Vec<_>>()
     };
     // Portions of a size of their own, so that who shares what does not depend on the number of threads.
-    points.par_chunks(VIEWED).flat_map_iter(trace).collect()
+    points.par_chunks(VIEWED).with_max_len(4).flat_map_iter(trace).collect()
 }
 
 /// A light as the points of a row see it one after the other: making ready costs more than a ray.

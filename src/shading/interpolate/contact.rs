@@ -16,16 +16,19 @@ const FLAT: f32 = 1e-3;
 
 /// Whether a visible point in a pixel shares that pixel, or a side of it, with another surface, and both face each other there.
 pub fn is_at_contact(view: &View, visible: &Visible, (x, row): (u32, u32), i: usize) -> bool {
-    let point = &visible.points[i];
-    let meets = |other: usize| other != i && meet(view, point, &visible.points[other]);
-    let beside = [
-        (x > 0).then(|| (x - 1, row)),
-        (x + 1 < visible.width).then(|| (x + 1, row)),
-        (row > 0).then(|| (x, row - 1)),
-        (row + 1 < visible.height()).then(|| (x, row + 1)),
-    ];
-    visible.of_pixel((row * visible.width + x) as usize).any(meets)
-        || beside.into_iter().flatten().filter_map(|(x, row)| visible.main_point(x, row)).any(meets)
+    let (point, width) = (&visible.points[i], visible.width);
+    let pixel = row * width + x;
+    let meets = |other: usize| meet(view, point, &visible.points[other]);
+    let meets_main = |pixel: u32| {
+        let points = visible.of_pixel(pixel as usize);
+        !points.is_empty() && meets(points.start)
+    };
+    let own = visible.of_pixel(pixel as usize);
+    own.len() > 1 && own.filter(|&other| other != i).any(meets)
+        || x > 0 && meets_main(pixel - 1)
+        || x + 1 < width && meets_main(pixel + 1)
+        || row > 0 && meets_main(pixel - width)
+        || row + 1 < visible.height() && meets_main(pixel + width)
 }
 
 /// Whether two points lie on different surfaces that face each other and are no further apart than their pixels.

@@ -5,6 +5,7 @@ use super::tiles::TilePoints;
 use crate::scene::Scene;
 use crate::shading::points::View;
 use crate::shading::visible::{Visible, same_surface};
+use crate::slices::parts_mut;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -22,6 +23,16 @@ pub enum Kind {
     Contact,
 }
 
+fn kind(scene: &Scene, view: &View, visible: &Visible, pixel: (u32, u32), i: usize) -> Kind {
+    if !visible.points[i].reflects(scene) {
+        Kind::Unlit
+    } else if is_at_contact(view, visible, pixel, i) {
+        Kind::Contact
+    } else {
+        Kind::Open
+    }
+}
+
 /// The kinds of all visible points.
 #[derive(Debug)]
 pub struct Kinds {
@@ -31,20 +42,18 @@ pub struct Kinds {
 impl Kinds {
     /// Looks at every point and its neighbours.
     pub fn new(scene: &Scene, view: &View, visible: &Visible) -> Self {
-        let of_row = |row: u32| {
-            (0..visible.width).flat_map(move |x| {
-                visible.of_row(row, x..x + 1).map(move |i| {
-                    if !visible.points[i].reflects(scene) {
-                        Kind::Unlit
-                    } else if is_at_contact(view, visible, (x, row), i) {
-                        Kind::Contact
-                    } else {
-                        Kind::Open
-                    }
-                })
-            })
-        };
-        Self { of_point: (0..visible.height()).into_par_iter().flat_map_iter(of_row).collect() }
+        let mut of_point = vec![Kind::Unlit; visible.points.len()];
+        let points_of_row = |row: u32| visible.of_row(row, 0..visible.width);
+        let rows = parts_mut(&mut of_point, (0..visible.height()).map(|row| points_of_row(row).len()));
+        rows.into_par_iter().enumerate().for_each(|(row, kinds)| {
+            let (row, first) = (row as u32, points_of_row(row as u32).start);
+            for x in 0..visible.width {
+                for i in visible.of_row(row, x..x + 1) {
+                    kinds[i - first] = kind(scene, view, visible, (x, row), i);
+                }
+            }
+        });
+        Self { of_point }
     }
 
     /// By visible point.

@@ -18,6 +18,15 @@ impl Disc {
         Self { x: column as f32 + 0.5, y: row as f32 + 0.5, radius: 0.0 }
     }
 
+    /// Rows of tiles that it may touch, of so many.
+    fn rows(&self, rows: u32) -> Range<usize> {
+        if self.radius < 0.0 {
+            return 0..0;
+        }
+        let bound = |y: f32| y.clamp(0.0, rows as f32) as usize;
+        bound((self.y - self.radius).floor())..bound((self.y + self.radius).ceil())
+    }
+
     /// Columns of a row of tiles that it may touch.
     fn columns(&self, row: u32, columns: u32) -> Range<usize> {
         let top = row as f32;
@@ -53,8 +62,12 @@ struct Row {
 impl Lists {
     /// Lists by tile, given where each item reaches.
     pub fn new(columns: u32, rows: u32, discs: &[Disc]) -> Self {
-        let rows = (0..rows).into_par_iter().map(|row| Row::new(row, columns, discs)).collect();
-        Self { columns: columns as usize, rows }
+        let mut of_rows = vec![Vec::new(); rows as usize];
+        for (item, disc) in (0..).zip(discs) {
+            of_rows[disc.rows(rows)].iter_mut().for_each(|items| items.push(item));
+        }
+        let row = |(row, items): (usize, &Vec<u32>)| Row::new(row as u32, columns, items, discs);
+        Self { columns: columns as usize, rows: of_rows.par_iter().enumerate().map(row).collect() }
     }
 
     /// The items in a tile; tiles are numbered row by row.
@@ -65,12 +78,13 @@ impl Lists {
 }
 
 impl Row {
-    fn new(row: u32, columns: u32, discs: &[Disc]) -> Self {
-        let touching = |(item, disc): (usize, &Disc)| {
-            let range = disc.columns(row, columns);
-            (!range.is_empty()).then_some((item as u32, range))
+    /// Sorts the items that may touch a row.
+    fn new(row: u32, columns: u32, items: &[u32], discs: &[Disc]) -> Self {
+        let touching = |&item: &u32| {
+            let range = discs[item as usize].columns(row, columns);
+            (!range.is_empty()).then_some((item, range))
         };
-        let touching: Vec<_> = discs.iter().enumerate().filter_map(touching).collect();
+        let touching: Vec<_> = items.iter().filter_map(touching).collect();
         let mut starts = vec![0u32; columns as usize + 1];
         touching
             .iter()

@@ -25,6 +25,7 @@ use crate::interrupt;
 use crate::math::hash32;
 use crate::slices::parts_mut;
 use crate::stats::Stage;
+use bytemuck::allocation::zeroed_vec;
 use glam::Vec3;
 use kinds::{Kind, Kinds};
 use rayon::prelude::*;
@@ -51,7 +52,7 @@ pub fn interpolate(
         let estimates = gather_at(gathering, visible, &wanted.points)?;
         clock.time(Stage::Interpolate, || fields.add(&wanted, &estimates));
     }
-    let mut irradiance = vec![Vec3::ZERO; visible.points.len()];
+    let mut irradiance = zeroed_vec(visible.points.len());
     let missing = clock.time(Stage::Interpolate, || {
         fields.trim();
         fields.fill(&mut irradiance)

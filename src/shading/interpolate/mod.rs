@@ -6,6 +6,7 @@
 //! wrong by more than the gathers' noise, the records around reach less far, and the next grid places more. Every other point takes a linear
 //! least-squares fit through the records around, which also averages their noise. Points at contacts have records of their own.
 
+mod around;
 mod contact;
 mod diagnose;
 mod fit;

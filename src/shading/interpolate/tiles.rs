@@ -1,5 +1,6 @@
 //! The records, found by the tiles of the picture that they reach into.
 
+use super::around::Around;
 use super::diagnose::diagnose;
 use super::fit::SUPPORT;
 use super::lanes::{PointLanes, QuadLanes, RecordLanes};
@@ -16,6 +17,8 @@ use std::ops::Range;
 
 /// Edge of a tile, pixels.
 const TILE: u32 = 8;
+/// Records that a worker places at a time, at least.
+const PORTION: usize = 512;
 /// Where predictions of records from their neighbours are wrong, records reach this much less far.
 const SHRINK: f32 = 0.5;
 /// Mean errors above so many times the median of all are more than the gathers' noise.
@@ -40,6 +43,8 @@ pub struct Field<'v> {
     records: Vec<Record>,
     /// Records that reach into each tile.
     tiles: Lists,
+    /// Records in each tile.
+    own: Lists,
     columns: u32,
     tile_rows: u32,
 }
@@ -49,9 +54,9 @@ impl<'v> Field<'v> {
     pub fn new(view: &'v View, visible: &'v Visible, tolerance: f32) -> Self {
         let columns = visible.width.div_ceil(TILE);
         let tile_rows = visible.height().div_ceil(TILE);
-        let tiles = Lists::new(columns, tile_rows, &[]);
+        let [tiles, own] = [(); 2].map(|()| Lists::new(columns, tile_rows, &[]));
         let reaches = Reaches::new(tolerance);
-        Self { view, visible, reaches, records: Vec::new(), tiles, columns, tile_rows }
+        Self { view, visible, reaches, records: Vec::new(), tiles, own, columns, tile_rows }
     }
 
     /// Tiles of the picture, numbered row by row.
@@ -183,6 +188,7 @@ impl<'v> Field<'v> {
         };
         self.records.extend(gathers.map(record));
         self.sort_into_tiles();
+        self.sort_by_own_tile();
         // Reaches only shrink here, so that the lists still hold all records that reach into a tile.
         let agreed = self.agreed();
         self.set_reaches(&agreed);
@@ -199,15 +205,10 @@ impl<'v> Field<'v> {
     /// another one's reach and the distance to it (Krivanek et al. 2006, "Making Radiance and Irradiance Caching Practical:
     /// Adaptive Caching and Neighbor Clamping").
     fn agreed(&self) -> Vec<f32> {
-        self.records
-            .par_iter()
-            .map(|record| {
-                let bound = |other: &Record| other.reach + other.position.distance(record.position);
-                let least = record.reach.min(record.shortest);
-                let others = self.around(record).iter().map(|&r| &self.records[r as usize]);
-                others.map(bound).fold(record.reach, f32::min).max(least)
-            })
-            .collect()
+        self.reaches_by(&[], |record, around| {
+            let least = record.reach.min(record.shortest);
+            record.reach.min(around.bound(record.position)).max(least)
+        })
     }
 
     /// Shorter reaches where records are predicted badly from their neighbours: not one alone, which may be an outlier of the
@@ -216,52 +217,60 @@ impl<'v> Field<'v> {
         let errors = self.errors();
         // Most errors are noise: their median tells how much of it there is.
         let limit = (NOISE_MARGIN * median_size(&errors)).max(self.reaches.tolerance);
-        let corrected = |record: &Record| {
-            let (mut size, mut sum, mut count) = (0.0, 0.0f32, 0);
-            for &r in self.around(record) {
-                let other = &self.records[r as usize];
-                if other.position.distance(record.position) < SURROUNDINGS * record.reach {
-                    size += errors[r as usize].abs();
-                    sum += errors[r as usize];
-                    count += 1;
-                }
-            }
-            let wrong = count >= ENOUGH
-                && size > limit * count as f32
-                && sum.abs() * (count as f32).sqrt() > ONE_SIDED * size;
+        self.reaches_by(&errors, |record, around| {
+            let near = around.errors(record.position, SURROUNDINGS * record.reach);
+            let count = near.count as f32;
+            let wrong = near.count >= ENOUGH
+                && near.size > limit * count
+                && near.sum.abs() * count.sqrt() > ONE_SIDED * near.size;
             if wrong { (record.reach * SHRINK).max(record.shortest * LEAST) } else { record.reach }
+        })
+    }
+
+    /// New reaches of all records, each found from the records that reach into its own tile; `errors` are the records', if they count.
+    fn reaches_by(&self, errors: &[f32], reach: impl Fn(&Record, &Around) -> f32 + Sync) -> Vec<f32> {
+        let error = |r: u32| errors.get(r as usize).copied().unwrap_or(0.0);
+        let mut reaches: Vec<f32> = self.records.iter().map(|record| record.reach).collect();
+        let of_tile = |around: &mut Around, tile: usize, own: &[u32], list: &mut Vec<(u32, f32)>| {
+            around.fill(self.tiles.get(tile).iter().map(|&r| (&self.records[r as usize], error(r))));
+            list.extend(own.iter().map(|&r| (r, reach(&self.records[r as usize], around))));
         };
-        self.records.par_iter().map(corrected).collect()
+        self.by_own_tile(of_tile).into_iter().for_each(|(r, reach)| reaches[r as usize] = reach);
+        reaches
     }
 
     /// Relative errors of the predictions of records from their neighbours, positive where these promise more light; 0 without
     /// neighbours.
     fn errors(&self) -> Vec<f32> {
-        let own: Vec<Disc> = self.records.par_iter().map(|r| self.own_tile(r)).collect();
-        let own = Lists::new(self.columns, self.tile_rows, &own);
-        let of_tile = |records: &mut RecordLanes, tile: usize| {
-            let items = own.get(tile);
-            let mut errors = Vec::with_capacity(items.len());
-            if !items.is_empty() {
-                self.fill_records(tile, records);
-            }
-            for eight in items.chunks(LANES) {
+        let mut errors = vec![0.0; self.records.len()];
+        let of_tile = |records: &mut RecordLanes, tile: usize, own: &[u32], list: &mut Vec<(u32, f32)>| {
+            self.fill_records(tile, records);
+            for eight in own.chunks(LANES) {
                 let lanes = PointLanes::without(eight.len(), |lane| &self.records[eight[lane] as usize]);
                 for (&r, fit) in eight.iter().zip(lanes.fit(records)) {
-                    let found = self.records[r as usize].irradiance;
-                    errors.push((
-                        r,
-                        fit.irradiance.map_or(0.0, |prediction| relative_error(prediction, found)),
-                    ));
+                    let error = |predicted| relative_error(predicted, self.records[r as usize].irradiance);
+                    list.push((r, fit.irradiance.map_or(0.0, error)));
                 }
             }
-            errors
+        };
+        self.by_own_tile(of_tile).into_iter().for_each(|(r, error)| errors[r as usize] = error);
+        errors
+    }
+
+    /// What `list` adds for each tile and the records in it, on all threads, which keep a `T` from tile to tile.
+    fn by_own_tile<T: Default>(
+        &self,
+        list: impl Fn(&mut T, usize, &[u32], &mut Vec<(u32, f32)>) + Sync,
+    ) -> Vec<(u32, f32)> {
+        let of_tile = |kept: &mut T, tile: usize| {
+            let (own, mut found) = (self.own.get(tile), Vec::new());
+            if !own.is_empty() {
+                list(kept, tile, own, &mut found);
+            }
+            found
         };
         let tiles = (0..self.tiles()).into_par_iter().with_min_len(8);
-        let found: Vec<_> = tiles.map_init(RecordLanes::default, of_tile).flatten_iter().collect();
-        let mut errors = vec![0.0; self.records.len()];
-        found.into_iter().for_each(|(r, error)| errors[r as usize] = error);
-        errors
+        tiles.map_init(T::default, of_tile).flatten_iter().collect()
     }
 
     fn own_tile(&self, record: &Record) -> Disc {
@@ -275,19 +284,20 @@ impl<'v> Field<'v> {
         self.records.iter_mut().zip(reaches).for_each(|(r, &reach)| r.reach = reach);
     }
 
-    /// The records that reach into a record's tile.
-    fn around(&self, record: &Record) -> &[u32] {
-        self.tile_at(record).map_or(&[], |tile| self.tiles.get(tile))
-    }
-
     fn tile_at(&self, record: &Record) -> Option<usize> {
         let at = self.view.project(record.position)?;
         let (x, y) = (at.x as u32 / TILE, (at.y as u32).checked_sub(self.visible.rows.start)? / TILE);
         (x < self.columns && y < self.tile_rows).then_some((y * self.columns + x) as usize)
     }
 
+    fn sort_by_own_tile(&mut self) {
+        let own: Vec<Disc> =
+            self.records.par_iter().with_min_len(PORTION).map(|r| self.own_tile(r)).collect();
+        self.own = Lists::new(self.columns, self.tile_rows, &own);
+    }
+
     fn sort_into_tiles(&mut self) {
-        let discs: Vec<Disc> = self.records.par_iter().map(|r| self.disc(r)).collect();
+        let discs: Vec<Disc> = self.records.par_iter().with_min_len(PORTION).map(|r| self.disc(r)).collect();
         self.tiles = Lists::new(self.columns, self.tile_rows, &discs);
     }
 

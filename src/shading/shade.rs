@@ -43,6 +43,7 @@ pub fn develop(
 }
 
 /// The mean of a pixel's points, weighted by their shares.
+#[inline(always)] // Mostly, only the radiance is wanted of it.
 fn pixel_value(
     world: &World,
     view: &View,

@@ -63,6 +63,7 @@ impl Quality {
             density,
             lod: [2.0, 2.0, 1.5, 1.5][self as usize],
             near_field: [0.0, 4.0, 4.0, 4.0][self as usize],
+            near_lamps: true,
             interpolate: (gather != GatherMethod::MonteCarlo).then_some(interpolate),
             light_samples: [4, 16, 32, 64][self as usize],
             gather_samples: match gather {
@@ -75,6 +76,8 @@ impl Quality {
     }
 }
 
+/// See [`Settings::near_lamps`]. Surfels further away than a radius look about as wide as a draft can tell.
+pub const NEAR_LAMPS: f32 = 1.0;
 /// Relative change of the brightest surfel at which infinite bounces end.
 pub const BOUNCE_TOLERANCE: f32 = 1e-6;
 /// More bounces than this change nothing in f32, whatever the albedo.
@@ -132,6 +135,9 @@ pub struct Settings {
     /// Rays take the place of hemicube pixels whose surfel is nearer than so many of its radii, and of those at the outlines
     /// of what is seen; 0: of none.
     pub near_field: f32,
+    /// Whether rays help all the same where `near_field` is 0, as at [`NEAR_LAMPS`] radii, in scenes one of whose lamps stands nearer to a
+    /// surface than surfels there are wide.
+    pub near_lamps: bool,
     /// Largest relative error that interpolation between gathers aims at; `None` gathers at every shading point.
     pub interpolate: Option<f32>,
     /// Indirect bounces.
@@ -172,6 +178,7 @@ impl Default for Settings {
             shape: SurfelShape::Disc,
             lod: 2.0,
             near_field: 0.0,
+            near_lamps: false,
             interpolate: None,
             bounces: Bounces::Count(1),
             emitters: Emitters::Sample,

@@ -19,7 +19,9 @@ use crate::run::Run;
 use crate::scene::Scene;
 use crate::scene::topology::Edges;
 use crate::scenery::Scenery;
-use crate::settings::{BOUNCE_TOLERANCE, Bounces, Emitters, GatherMethod, Settings, SurfelDensity};
+use crate::settings::{
+    BOUNCE_TOLERANCE, Bounces, Emitters, GatherMethod, NEAR_LAMPS, Settings, SurfelDensity,
+};
 use crate::stats::{DeviceInfo, Stage};
 use crate::surfel::closed::ClosedTest;
 use crate::surfel::cloud::SurfelCloud;
@@ -28,6 +30,7 @@ use crate::surfel::generate::{Density, GenerateSettings, generate};
 use crate::surfel::hidden::visible_areas;
 use crate::surfel::hit_light::{Anew, HitLight};
 use crate::surfel::lookup::{RadianceLookup, SideLookup};
+use crate::surfel::near_lamps::lamps_are_near;
 use crate::surfel::shade::{ShadeSettings, shade};
 use crate::surfel::transfer::{Transfer, reflecting_sides, side_frame};
 use crate::surfel::tree::{CutSettings, SurfelTree};
@@ -66,7 +69,7 @@ pub struct World {
     pub device: Choice,
     /// Which surfaces are closed.
     pub closed: ClosedTest,
-    /// `Settings::near_field`.
+    /// `Settings::near_field`, or what near lamps make of it.
     near_field: f32,
     /// `Settings::atlas_format`.
     format: AtlasFormat,
@@ -163,7 +166,13 @@ impl World {
         self.drawables.enclosing = self.closed.encloses();
         self.round_light();
         run.reporter.verbose(|| self.surfels_in_words(settings));
-        let near_field = settings.near_field > 0.0;
+        if self.near_field == 0.0 && settings.near_lamps && lamps_are_near(&self.cloud, &self.lights) {
+            self.near_field = NEAR_LAMPS;
+            run.reporter.verbose(|| {
+                "a lamp stands nearer to a surface than surfels there are wide: rays help".to_owned()
+            });
+        }
+        let near_field = self.near_field > 0.0;
         self.bounce(settings, near_field, run)?;
         if near_field {
             self.lookup = Some(self.make_lookup(run));

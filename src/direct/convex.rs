@@ -1,6 +1,7 @@
 //! A closed convex mesh of uniform radiance as one light. Its irradiance is Lambert's formula on its silhouette: edges
 //! between two faces that the receiver sees cancel.
 
+use super::Extent;
 use super::alone::ProbePoint;
 use super::arcs;
 use super::contour::{self, Contour, arc};
@@ -74,6 +75,10 @@ impl ConvexLight {
             radiance: material.emission,
             two_sided: material.two_sided,
         }
+    }
+
+    pub(super) fn extent(&self) -> Extent {
+        Extent { middle: self.centre.as_vec3(), size: self.radius as f32 }
     }
 
     /// What a receiver sees of it.

@@ -158,6 +158,15 @@ impl std::ops::Mul<f32> for DirectLight {
     }
 }
 
+/// Where a light is and how far it reaches to all sides, about.
+#[derive(Debug, Clone, Copy)]
+pub struct Extent {
+    /// Its middle, scene space.
+    pub middle: Vec3,
+    /// Half its size, scene units.
+    pub size: f32,
+}
+
 #[derive(Debug, Clone)]
 enum Light {
     Polygon(PolygonLight),
@@ -199,6 +208,15 @@ impl Light {
             Self::Round(round) => round.irradiance(local),
             Self::Convex(convex) => convex.irradiance(local),
             Self::Punctual(punctual) => punctual.irradiance(local),
+        }
+    }
+
+    fn extent(&self) -> Extent {
+        match self {
+            Self::Polygon(polygon) => polygon.extent(),
+            Self::Round(round) => round.extent(),
+            Self::Convex(convex) => convex.extent(),
+            Self::Punctual(punctual) => punctual.extent(),
         }
     }
 
@@ -267,6 +285,11 @@ impl Lights {
     /// Whether there is nothing to sample.
     pub fn is_empty(&self) -> bool {
         self.exact.is_empty() && self.many.is_none()
+    }
+
+    /// Where the lights are whose unshadowed light is known in closed form.
+    pub fn extents(&self) -> Vec<Extent> {
+        self.exact.iter().map(Light::extent).collect()
     }
 
     /// Irradiance at a point, W m-2: exact where the point sees all or nothing of every light.

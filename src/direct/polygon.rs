@@ -1,5 +1,6 @@
 //! Irradiance from a convex polygon of uniform radiance: Lambert's formula with exact horizon clipping.
 
+use super::Extent;
 use super::LitPoint;
 use super::alone::ProbePoint;
 use super::contour;
@@ -151,6 +152,10 @@ impl PolygonLight {
             .zip(found)
             .map(|(point, found)| found.map_or_else(|| exactly(point), f64::from))
             .collect()
+    }
+
+    pub(super) fn extent(&self) -> Extent {
+        Extent { middle: self.middle, size: self.radius }
     }
 
     /// What a receiver sees of it.

@@ -1,5 +1,6 @@
 //! Lights without a surface: points, and POV's area lights.
 
+use super::Extent;
 use super::alone::ProbePoint;
 use super::local::Local;
 use super::view::{LightSample, View};
@@ -49,6 +50,11 @@ pub(super) struct Punctual {
 }
 
 impl Punctual {
+    pub(super) fn extent(&self) -> Extent {
+        let size = self.edges.map_or(0.0, |[a, b]| 0.5 * a.length().max(b.length()));
+        Extent { middle: self.position.as_vec3(), size: size as f32 }
+    }
+
     pub(super) fn new(light: &PunctualLight<Vec3>) -> Self {
         let (strength, falloff) = match light.emission {
             PunctualEmission::Intensity(intensity) => (intensity, Falloff::Physical),

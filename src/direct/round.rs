@@ -1,5 +1,6 @@
 //! Irradiance from spheres (closed form) and ellipsoids (Lambert's formula on the silhouette).
 
+use super::Extent;
 use super::alone::ProbePoint;
 use super::local::Local;
 use super::patch::Patch;
@@ -46,6 +47,12 @@ impl RoundLight {
             radiance: material.emission,
             two_sided: material.two_sided,
         }
+    }
+
+    pub(super) fn extent(&self) -> Extent {
+        let axes = [self.to_scene.matrix3.x_axis, self.to_scene.matrix3.y_axis, self.to_scene.matrix3.z_axis];
+        let size = axes.map(DVec3::length).into_iter().fold(0.0, f64::max);
+        Extent { middle: self.to_scene.translation.as_vec3(), size: size as f32 }
     }
 
     /// What a receiver sees of it.

@@ -13,6 +13,7 @@ pub mod hit_light;
 mod kdtree;
 mod likeness;
 pub mod lookup;
+pub mod near_lamps;
 mod patch;
 pub mod ply;
 mod polygon;

@@ -8,8 +8,6 @@ mod analytic;
 #[path = "../common/gathering.rs"]
 mod gathering;
 mod geometry;
-#[path = "../common/graded.rs"]
-mod graded;
 mod ids;
 mod lights;
 mod model;

@@ -59,6 +59,7 @@ pub fn hash32(mut x: u32) -> u32 {
 }
 
 /// Upper 24 bits of `x` as a number in [0, 1).
+#[inline(always)]
 pub fn unit_float(x: u32) -> f32 {
     (x >> 8) as f32 * (1.0 / 16_777_216.0)
 }

@@ -105,13 +105,8 @@ impl View {
     /// Places of eight of a pixel's samples, from `first` on; samples are spread evenly, whatever their number.
     pub(super) fn sample_places(&self, x: u32, y: u32, first: u32) -> Places {
         let sequence = Sequence::new(self.seed, self.stream(x, y, 0), PLACES);
-        let mut places = Places::default();
-        let [across, down] = &mut places;
-        for (sample, (across, down)) in (first..).zip(across.iter_mut().zip(down)) {
-            let at = Vec2::new(x as f32, y as f32) + sequence.point(sample);
-            (*across, *down) = (at.x, at.y);
-        }
-        places
+        let [across, down] = sequence.eight(std::array::from_fn(|lane| first + lane as u32));
+        [across.map(|u| x as f32 + u), down.map(|v| y as f32 + v)]
     }
 
     /// What a ray through the pixel to which a sample's stream belongs meets; `within` is in the unit square.

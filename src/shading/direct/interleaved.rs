@@ -3,6 +3,7 @@
 //! them all; in the other they are different in every tile, so that hardly two neighbourhoods ask for the same.
 
 use crate::direct::sequence::Sequence;
+use crate::lanes::LANES;
 use glam::Vec2;
 
 /// Pixels along the edge of a tile whose pixels divide stratified samples among them, as a power of two.
@@ -20,15 +21,30 @@ impl Interleaved {
         Self { sequence: Sequence::new(seed, 0, light) }
     }
 
-    /// Where a pixel's ray goes to, in the unit square; the same in every tile.
-    pub fn point(&self, pixel: [u32; 2], ray: u32) -> Vec2 {
-        self.sequence.point(within_tile(pixel) | ray << (2 * TILE))
+    /// Where so many rays of all pixels go to.
+    pub fn rays(&self, count: u32) -> SharedRays {
+        SharedRays { points: (0..count << (2 * TILE)).map(|index| self.sequence.point(index)).collect() }
     }
 
-    /// Where a pixel's only ray goes to, in the unit square.
-    pub fn probe(&self, [x, y]: [u32; 2]) -> Vec2 {
-        let tile = morton(x >> TILE, y >> TILE);
-        self.sequence.point(within_tile([x, y]) | tile << (2 * TILE))
+    /// Where the only rays of eight pixels go to: along both sides of the unit square.
+    pub fn probes(&self, pixels: [[u32; 2]; LANES]) -> [[f32; LANES]; 2] {
+        self.sequence.eight(pixels.map(|[x, y]| {
+            let tile = morton(x >> TILE, y >> TILE);
+            within_tile([x, y]) | tile << (2 * TILE)
+        }))
+    }
+}
+
+/// Rays that are the same in every tile.
+#[derive(Debug)]
+pub struct SharedRays {
+    points: Vec<Vec2>,
+}
+
+impl SharedRays {
+    /// Where a pixel's ray goes to, in the unit square.
+    pub fn point(&self, pixel: [u32; 2], ray: u32) -> Vec2 {
+        self.points[(within_tile(pixel) | ray << (2 * TILE)) as usize]
     }
 }
 

@@ -100,8 +100,8 @@ fn over_pixel(
     let footprint = view.footprint(point.position);
     let places = Sequence::new(settings.seed, point.stream, PLACES);
     let targets = Sequence::new(settings.seed, point.stream, light.number);
-    for ray in 0..rays(lit, light) {
-        let within = places.point(ray);
+    let rays = rays(lit, light);
+    for (within, towards) in places.first(rays).zip(targets.first(rays)) {
         let place = match flat {
             true => view.meet_within(point, within),
             false => view
@@ -109,7 +109,7 @@ fn over_pixel(
                 .filter(|place| same_surface(point, place, footprint)),
         };
         if let Some(place) = place {
-            seen.trace(&lit_point(&place), targets.point(ray), &mut tally);
+            seen.trace(&lit_point(&place), towards, &mut tally);
         }
     }
     tally
@@ -120,7 +120,7 @@ fn at_point(lit: &Lit, light: LightAlone, seen: &LightSeen, point: &ShadingPoint
     let targets = Sequence::new(lit.settings.seed, point.stream, light.number);
     let mut tally = Visibility::default();
     let rays = if light.is_point() { 1 } else { rays(lit, light) };
-    (0..rays).for_each(|ray| seen.trace(&lit_point(point), targets.point(ray), &mut tally));
+    targets.first(rays).for_each(|towards| seen.trace(&lit_point(point), towards, &mut tally));
     tally
 }
 

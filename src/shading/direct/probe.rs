@@ -5,8 +5,11 @@ use super::interleaved::Interleaved;
 use super::{Lit, PORTION, lit_point};
 use crate::direct::sequence::Sequence;
 use crate::direct::{LightAlone, LitPoint};
+use crate::lanes::LANES;
 use bytemuck::allocation::zeroed_vec;
+use glam::Vec2;
 use rayon::prelude::*;
+use std::array::from_fn;
 
 /// A ray arrived.
 const LIT: u8 = 1;
@@ -88,11 +91,20 @@ impl Answers {
             let receivers: Vec<LitPoint> = matte.iter().map(|&i| lit_point(&points[i])).collect();
             matte.iter().zip(light.unshadowed(&receivers)).for_each(|(&i, factor)| unshadowed[i] = factor);
         });
-        let found = answers.found.par_iter_mut().zip(&mut answers.visible).zip(&answers.unshadowed);
-        found.enumerate().with_max_len(PORTION).for_each(|(i, ((found, visible), &factor))| {
-            if factor > 0.0 {
-                *found = ask(lit, hood, light, i, &lit_point(&points[i]));
-                *visible = if *found == LIT { 1.0 } else { 0.0 };
+        let probes = Interleaved::new(lit.settings.seed, light.number);
+        let found = answers.found.par_chunks_mut(PORTION).zip(answers.visible.par_chunks_mut(PORTION));
+        let portions = found.zip(answers.unshadowed.par_chunks(PORTION)).enumerate().with_max_len(1);
+        portions.for_each(|(k, ((found, visible), unshadowed))| {
+            for eight in (0..found.len()).step_by(LANES) {
+                let (first, end) = (k * PORTION, found.len().min(eight + LANES));
+                let [across, up] =
+                    probes.probes(from_fn(|lane| hood.place(first + (eight + lane).min(end - 1))));
+                for (lane, i) in (eight..end).enumerate().filter(|&(_, i)| unshadowed[i] > 0.0) {
+                    let point = lit_point(&points[first + i]);
+                    let towards = Vec2::new(across[lane], up[lane]);
+                    found[i] = ask(lit, hood, light, first + i, &point, towards);
+                    visible[i] = if found[i] == LIT { 1.0 } else { 0.0 };
+                }
             }
         });
         answers
@@ -145,7 +157,7 @@ impl Answers {
     }
 }
 
-fn answer(light: LightAlone, point: &LitPoint, u: glam::Vec2) -> u8 {
+fn answer(light: LightAlone, point: &LitPoint, u: Vec2) -> u8 {
     match light.probe(point, u) {
         Some(true) => LIT,
         Some(false) => HIDDEN,
@@ -153,10 +165,10 @@ fn answer(light: LightAlone, point: &LitPoint, u: glam::Vec2) -> u8 {
     }
 }
 
-/// What one ray finds at a point, or more of them where one is not enough to start with.
-fn ask(lit: &Lit, hood: &Hood, light: LightAlone, i: usize, point: &LitPoint) -> u8 {
+/// What one ray towards a place of the light finds at a point, or more of them where one is not enough to start with.
+fn ask(lit: &Lit, hood: &Hood, light: LightAlone, i: usize, point: &LitPoint, towards: Vec2) -> u8 {
     let seed = lit.settings.seed;
-    let mut found = answer(light, point, Interleaved::new(seed, light.number).probe(hood.place(i)));
+    let mut found = answer(light, point, towards);
     let more = Sequence::new(seed, lit.visible.points[i].stream, light.number);
     let ask = |ray: u32| answer(light, point, more.point(ray));
     if found == UNKNOWN {

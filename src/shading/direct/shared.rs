@@ -151,7 +151,7 @@ fn trace_outwards<'a>(
 /// Some rays at each point; weights are relative to their mean.
 fn trace<'a>(lit: &Lit<'a>, hood: &Hood, light: LightAlone<'a>, points: &[u32]) -> Vec<Visibility> {
     let rays = lit.settings.light_samples.div_ceil(PART);
-    let spread = Interleaved::new(lit.settings.seed, light.number);
+    let spread = Interleaved::new(lit.settings.seed, light.number).rays(rays);
     let trace = |points: &[u32]| {
         let mut views = Views { light, last: None };
         let trace = |&i: &u32| {

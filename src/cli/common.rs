@@ -97,7 +97,8 @@ pub struct TransportArgs {
     #[arg(long, value_name = "PIXELS", value_parser = up_to_64)]
     pub lod: Option<f32>,
 
-    /// Trace rays through hemicube pixels that show a surfel nearer than so many of its radii, or an outline; 0 traces none
+    /// Trace rays through hemicube pixels that show a surfel nearer than so many of its radii, or an outline; 0 traces none.
+    /// Unless given here, --quality draft traces some only where a lamp stands nearer to a surface than surfels are wide
     #[arg(long, value_name = "RADII", value_parser = up_to_64)]
     pub near_field: Option<f32>,
 

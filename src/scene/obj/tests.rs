@@ -23,14 +23,15 @@ fn quads_relative_and_forward_indices_make_triangles() {
 #[test]
 fn normals_make_a_mesh_of_their_own_and_decide_the_front() {
     let scene = parse(&format!("{VERTICES}f 1 2 3\nf 1//1 4//1 3//1\nf 1 2 4\n")).unwrap();
-    let [Shape::Mesh { triangles: flat, .. }, Shape::Mesh { positions, normals, .. }] =
+    let [Shape::Mesh { triangles: flat, .. }, Shape::Mesh { positions, triangles, normals, .. }] =
         scene.shapes.as_slice()
     else {
         panic!("{:?}", scene.shapes);
     };
     assert_eq!((flat.len(), normals.len()), (2, 1));
     assert_eq!(normals[0][0], glam::Vec3::Z);
-    assert!((positions[1] - positions[0]).cross(positions[2] - positions[0]).z > 0.0);
+    let [a, b, c] = triangles[0].map(|corner| positions[corner as usize]);
+    assert!((b - a).cross(c - a).z > 0.0);
 }
 
 #[test]

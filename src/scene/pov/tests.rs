@@ -122,7 +122,7 @@ fn meshes_keep_textures_and_normals_of_single_triangles() {
          polygon { 5, 0, x, x+y, y, 0 }",
     )
     .unwrap();
-    let [Shape::Mesh { materials, normals: flat, .. }, Shape::Mesh { normals, positions, .. }] =
+    let [Shape::Mesh { materials, normals: flat, .. }, Shape::Mesh { normals, positions, triangles, .. }] =
         scene.shapes.as_slice()
     else {
         panic!("{:?}", scene.shapes);
@@ -132,7 +132,7 @@ fn meshes_keep_textures_and_normals_of_single_triangles() {
     assert_eq!(red, [0.0, 0.6, 0.6, 0.0, 0.0, 0.0]);
     // The normals point to -z, so the winding follows them.
     assert_eq!(normals.len(), 1);
-    assert_eq!(positions[1], DVec3::Y);
+    assert_eq!(positions[triangles[0][1] as usize], DVec3::Y);
 }
 
 #[test]

@@ -26,11 +26,12 @@ impl Interleaved {
         SharedRays { points: (0..count << (2 * TILE)).map(|index| self.sequence.point(index)).collect() }
     }
 
-    /// Where the only rays of eight pixels go to: along both sides of the unit square.
+    /// Where the only rays of eight pixels go to, along both sides of the unit square. Every other pixel sends one, like the black fields of
+    /// a chessboard; a white one's goes where that of a black one beside it does.
     pub fn probes(&self, pixels: [[u32; 2]; LANES]) -> [[f32; LANES]; 2] {
         self.sequence.eight(pixels.map(|[x, y]| {
             let tile = morton(x >> TILE, y >> TILE);
-            within_tile([x, y]) | tile << (2 * TILE)
+            within_tile([x, y]) >> 1 | tile << (2 * TILE - 1)
         }))
     }
 }

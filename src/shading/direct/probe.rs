@@ -17,6 +17,10 @@ const LIT: u8 = 1;
 const HIDDEN: u8 = 2;
 /// The light reaches below the receiver's horizon, and no ray found the part above it.
 const UNKNOWN: u8 = 4;
+/// No ray was sent: those of the points around tell enough.
+const SKIPPED: u8 = 8;
+/// Points around disagree.
+const MIXED: u8 = 16;
 
 /// Rays at a point that shares its pixel with other surfaces: what hides light touches it more often than others.
 const PROBES_AT_EDGES: u32 = 4;
@@ -25,9 +29,6 @@ const TRIES: u32 = 4;
 
 /// Points whose unshadowed light is found together: some rows of an ordinary picture, so that they lie close together.
 const CHUNK: usize = 8192;
-
-/// Marks a disagreement in [`Hood::spread`].
-const MIXED: u8 = 1;
 
 /// What is known of one light at all points.
 #[derive(Debug)]
@@ -79,7 +80,7 @@ impl Mixed {
 }
 
 impl Answers {
-    /// Asks at every matte point.
+    /// Asks at matte points.
     pub fn probe(lit: &Lit, hood: &Hood, light: LightAlone) -> Self {
         let count = lit.visible.points.len();
         let mut answers =
@@ -95,13 +96,19 @@ impl Answers {
         let found = answers.found.par_chunks_mut(PORTION).zip(answers.visible.par_chunks_mut(PORTION));
         let portions = found.zip(answers.unshadowed.par_chunks(PORTION)).enumerate().with_max_len(1);
         portions.for_each(|(k, ((found, visible), unshadowed))| {
-            for eight in (0..found.len()).step_by(LANES) {
-                let (first, end) = (k * PORTION, found.len().min(eight + LANES));
-                let [across, up] =
-                    probes.probes(from_fn(|lane| hood.place(first + (eight + lane).min(end - 1))));
-                for (lane, i) in (eight..end).enumerate().filter(|&(_, i)| unshadowed[i] > 0.0) {
-                    let point = lit_point(&points[first + i]);
-                    let towards = Vec2::new(across[lane], up[lane]);
+            let first = k * PORTION;
+            let mut asked = Vec::with_capacity(found.len());
+            for i in (0..found.len()).filter(|&i| unshadowed[i] > 0.0) {
+                found[i] = SKIPPED;
+                if light.is_point() || is_asked(hood, first + i) {
+                    asked.push(i);
+                }
+            }
+            for eight in asked.chunks(LANES) {
+                let place = |lane: usize| hood.place(first + eight[lane.min(eight.len() - 1)]);
+                let [across, up] = probes.probes(from_fn(place));
+                for (lane, &i) in eight.iter().enumerate() {
+                    let (point, towards) = (lit_point(&points[first + i]), Vec2::new(across[lane], up[lane]));
                     found[i] = ask(lit, hood, light, first + i, &point, towards);
                     visible[i] = if found[i] == LIT { 1.0 } else { 0.0 };
                 }
@@ -112,26 +119,30 @@ impl Answers {
 
     /// Points of whose neighbourhood, a few pixels across, some see the light and others do not; and points close to those,
     /// where less light is missing than single rays tell.
-    pub fn disagreements(&self, lit: &Lit, hood: &Hood, light: LightAlone) -> Mixed {
+    pub fn disagreements(&mut self, lit: &Lit, hood: &Hood, light: LightAlone) -> Mixed {
         let count = self.found.len();
         let around = hood.spread(&self.found);
         let marks: Vec<u8> = (0..count)
             .into_par_iter()
             .with_min_len(PORTION)
-            .map(|i| if self.is_mixed(lit, hood, &around, i) { MIXED } else { 0 })
+            .map(|i| self.agreed(lit, hood, &around, i).unwrap_or(MIXED))
             .collect();
+        let answers = self.visible.par_iter_mut().zip(&self.found).zip(&marks).with_min_len(PORTION);
+        answers
+            .filter(|((_, found), mark)| **found == SKIPPED && **mark == LIT)
+            .for_each(|((v, _), _)| *v = 1.0);
         let near = hood.spread(&marks);
         let beside_mixed = |i: usize| {
             self.found[i] != 0
                 && !light.is_point()
-                && near[hood.pixel(i)] != 0
-                && hood.neighbours(lit.view, i).any(|n| marks[n.point] != 0)
+                && near[hood.pixel(i)] & MIXED != 0
+                && hood.neighbours(lit.view, i).any(|n| marks[n.point] == MIXED)
         };
         let points: Vec<MixedPoint> = (0..count)
             .into_par_iter()
             .with_min_len(PORTION)
             .filter_map(|i| {
-                let beside = marks[i] == 0;
+                let beside = marks[i] != MIXED;
                 (!beside || beside_mixed(i)).then(|| MixedPoint {
                     point: i as u32,
                     fills: hood.fills_pixel(i),
@@ -142,19 +153,29 @@ impl Answers {
         Mixed::new(&points, light)
     }
 
-    fn is_mixed(&self, lit: &Lit, hood: &Hood, around: &[u8], i: usize) -> bool {
-        let settled = |found: u8| found == LIT || found == HIDDEN;
-        if self.found[i] == 0 || settled(around[hood.pixel(i)]) {
-            return false;
+    /// What the rays around a point found, if all found the same; 0 where no light can arrive.
+    fn agreed(&self, lit: &Lit, hood: &Hood, around: &[u8], i: usize) -> Option<u8> {
+        let settled = |found: u8| {
+            let found = found & !SKIPPED;
+            (found == LIT || found == HIDDEN).then_some(found)
+        };
+        if self.found[i] == 0 {
+            return Some(0);
         }
-        let found = hood.neighbours(lit.view, i).fold(0, |found, n| found | self.found[n.point]);
-        !settled(found)
+        settled(around[hood.pixel(i)])
+            .or_else(|| settled(hood.neighbours(lit.view, i).fold(0, |found, n| found | self.found[n.point])))
     }
 
     /// Whether a point could get light, were nothing in the way.
     pub fn has_light(&self, point: usize) -> bool {
         self.found[point] != 0
     }
+}
+
+/// Whether a point gets a ray of its own: every other pixel does, and points at edges.
+fn is_asked(hood: &Hood, point: usize) -> bool {
+    let [x, y] = hood.place(point);
+    (x ^ y) & 1 == 0 || !hood.fills_pixel(point)
 }
 
 fn answer(light: LightAlone, point: &LitPoint, u: Vec2) -> u8 {

@@ -13,6 +13,7 @@ pub mod frame;
 pub mod local;
 pub mod near_field;
 pub mod raster;
+mod rise;
 pub mod splats;
 mod tile_sums;
 pub mod weights;

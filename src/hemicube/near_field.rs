@@ -10,6 +10,7 @@
 //! for both which of them is there.
 
 use super::frame::{FACES, Receiver, from_face, pixel_direction, rows};
+use super::rise::{self, Look, Rise};
 use super::weights::Weights;
 use crate::accel::{RAY_OFFSET, offset_origin};
 use crate::math::Frame;
@@ -100,13 +101,17 @@ impl NearField<'_> {
         depths: impl Fn(usize) -> Depths<'d>,
         drawn: impl Fn(usize, usize, usize) -> Drawn,
     ) -> Sums {
+        let rise = Rise::new(receiver.seed, weights.resolution);
         let (frame, n) = (receiver.frame(), weights.resolution as usize);
         let mut change = Sums::default();
         let mut rays = 0;
+        let mut looks = Vec::new();
         for face in 0..FACES {
             let depths = depths(face);
             let mut edges = edges(&depths, n, rows(face, weights.resolution) as usize);
             let mut todo = Pixels::of(edges.len());
+            looks.clear();
+            looks.resize(edges.len(), None);
             while let Some(i) = todo.next() {
                 let (x, y, on_edge) = (i % n, i / n, edges[i]);
                 let (weight, by_length) = (weights.face(face)[i], weights.closeness(face)[i]);
@@ -117,11 +122,13 @@ impl NearField<'_> {
                     continue;
                 }
                 edges[i] = true;
-                let seen = self.look(receiver, &frame, (face, x, y), n);
+                let rise = if on_edge { rise.within(face, x as u32, y as u32) } else { 0.0 };
+                let seen = self.look(receiver, &frame, (face, x, y, rise), n);
                 let drawn = drawn(face, x, y);
                 if self.overhangs(&drawn, depth, seen.1 * weight / by_length, n) {
                     todo.add_neighbours(&mut edges, i, n);
                 }
+                looks[i] = Some(Look { radiance: seen.0, rise });
                 change.radiance += weight * (seen.0 - drawn.radiance);
                 change.closeness += weight * seen.1 - by_length * depth;
                 change.covered += if depth > 0.0 { 0.0 } else { weight };
@@ -130,6 +137,8 @@ impl NearField<'_> {
                 change.missed += if seen.1 > 0.0 { 0.0 } else { weight };
                 rays += 1;
             }
+            let radiance = |i: usize| drawn(face, i % n, i / n).radiance;
+            change.radiance += rise::moved(&looks, weights.face(face), n, radiance);
         }
         self.rays.fetch_add(rays, Ordering::Relaxed);
         change
@@ -142,16 +151,18 @@ impl NearField<'_> {
         pixels > 1.0 && depth > seen * EDGE
     }
 
-    /// Radiance, and 1 / distance, of what the ray through the centre of a pixel (face, x, y) meets.
+    /// Radiance, and 1 / distance, of what the ray through a pixel (face, x, y) meets that goes by above its centre, by a part of
+    /// the pixel.
     fn look(
         &self,
         receiver: &Receiver,
         frame: &Frame,
-        pixel: (usize, usize, usize),
+        pixel: (usize, usize, usize, f32),
         n: usize,
     ) -> (Vec3, f32) {
-        let (face, x, y) = pixel;
+        let (face, x, y, rise) = pixel;
         let (u, v) = pixel_direction(face, x as u32, y as u32, 1.0 / n as f32);
+        let v = v + rise * (2.0 / n as f32);
         let direction = frame.to_world(from_face(face, Vec3::new(u, v, 1.0))).normalize();
         let origin = offset_origin(receiver.position, receiver.normal, direction);
         let accel = self.light.accel;

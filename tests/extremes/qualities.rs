@@ -181,12 +181,12 @@ fn no_more_than_gaps_leaks_into_a_sealed_box_at_any_quality() {
 }
 
 /// CIE 171, 5.6: what a lit square reflects, given as its radiance, in front of nothing. All light comes from what looks a few
-/// pixels wide, and the pixels of a turned hemicube stay at their heights above the horizon: 8 x 8 of them leave 1.1 % however
-/// often it is turned, where `final` promises 1 %. `draft` has no rays at the outline, and surfels hang over it: 6 %.
+/// pixels wide. 8 x 8 of them leave about 1 %, half of it noise of so many turns. `draft` has no rays at the outline, and surfels
+/// hang over it: 6 %.
 #[test]
 fn a_free_square_at_every_quality() {
     let case = load_case("H56_cie_diffuse_reflection_4m");
-    for (quality, allowed) in QUALITIES.into_iter().zip([0.065, 0.03, 0.016, 0.0065]) {
+    for (quality, allowed) in QUALITIES.into_iter().zip([0.065, 0.015, 0.0105, 0.005]) {
         let own = settings(quality, GatherMethod::Hemicube, &case);
         let gathering =
             Gathering::new(&case.description, Settings { emitters: Emitters::Gather, ..own.clone() });

@@ -27,10 +27,6 @@ const PROBES_AT_EDGES: u32 = 4;
 /// Rays tried where the light reaches below the horizon.
 const TRIES: u32 = 4;
 
-/// More light samples than `reference` has: probes then decide nothing by themselves. What they leave undecided or wrong is most of
-/// the error of direct light that is left, and own rays everywhere cost a third more.
-const SAMPLES_EVERYWHERE: u32 = 65;
-
 /// Points whose unshadowed light is found together: some rows of an ordinary picture, so that they lie close together.
 const CHUNK: usize = 8192;
 
@@ -142,14 +138,16 @@ impl Answers {
                 && near[hood.pixel(i)] & MIXED != 0
                 && hood.neighbours(lit.view, i).any(|n| marks[n.point] == MIXED)
         };
-        let everywhere = lit.settings.light_samples >= SAMPLES_EVERYWHERE;
         let points: Vec<MixedPoint> = (0..count)
             .into_par_iter()
             .with_min_len(PORTION)
             .filter_map(|i| {
                 let beside = marks[i] != MIXED;
-                let traced = !beside || (everywhere && self.found[i] != 0) || beside_mixed(i);
-                traced.then(|| MixedPoint { point: i as u32, fills: hood.fills_pixel(i), beside })
+                (!beside || beside_mixed(i)).then(|| MixedPoint {
+                    point: i as u32,
+                    fills: hood.fills_pixel(i),
+                    beside,
+                })
             })
             .collect();
         Mixed::new(&points, light)

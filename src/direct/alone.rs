@@ -62,13 +62,14 @@ impl<'a> LightAlone<'a> {
     }
 
     /// Whether a point of the light that belongs to a point of the unit square is seen; `None` when it is below the
-    /// receiver's horizon. Which parts of the light are asked for most often depends on the shape of the light.
+    /// receiver's horizon, unless that counts as hidden. Which parts of the light are asked for most often depends on the shape of the light.
     pub fn probe(&self, point: &LitPoint, u: Vec2) -> Option<bool> {
         let target = self.light.probe(point.position, u);
         let direction = (target.position - point.position).normalize_or_zero();
         let above = direction.dot(point.normal) > 0.0 && direction.dot(point.geometric_normal) > 0.0;
         let query = Query { accel: self.accel, point, gloss: None };
-        above.then(|| self.light.reached(&query, target.position, target.normal, direction))
+        (above || self.light.is_shaded_by_horizon())
+            .then(|| self.light.reached(&query, target.position, target.normal, direction))
     }
 
     /// Makes ready for rays whose mean is the visibility; `None` where nothing shines.

@@ -239,6 +239,11 @@ impl Light {
         }
     }
 
+    /// Whether unshadowed light counts points below a receiver's horizon, so that the horizon is what shades it from them.
+    fn is_shaded_by_horizon(&self) -> bool {
+        matches!(self, Self::Punctual(punctual) if punctual.shines_from_its_middle())
+    }
+
     /// Whether nothing stands before a point of the light; `normal` is that of its emitting side, zero without a surface.
     fn reached(&self, query: &Query, point: Vec3, normal: Vec3, direction: Vec3) -> bool {
         match self {

@@ -78,6 +78,11 @@ impl Punctual {
         self.edges.is_none()
     }
 
+    /// Whether it is an area light that shines as a point in its middle would, and of which shadows alone show the area.
+    pub(super) fn shines_from_its_middle(&self) -> bool {
+        self.edges.is_some() && !self.area_illumination
+    }
+
     /// Irradiance with strength 1, shadows apart.
     pub(super) fn irradiance(&self, local: &Local) -> f64 {
         if self.edges.is_some() && self.area_illumination {

@@ -101,7 +101,8 @@ impl NearField<'_> {
         depths: impl Fn(usize) -> Depths<'d>,
         drawn: impl Fn(usize, usize, usize) -> Drawn,
     ) -> Sums {
-        let rise = Rise::new(receiver.seed, weights.resolution);
+        // Where emitters are seen, an outline is the edge of a lamp. What surfaces reflect differs too little for it to pay.
+        let rise = self.light.anew.is_none().then(|| Rise::new(receiver.seed, weights.resolution));
         let (frame, n) = (receiver.frame(), weights.resolution as usize);
         let mut change = Sums::default();
         let mut rays = 0;
@@ -110,8 +111,10 @@ impl NearField<'_> {
             let depths = depths(face);
             let mut edges = edges(&depths, n, rows(face, weights.resolution) as usize);
             let mut todo = Pixels::of(edges.len());
-            looks.clear();
-            looks.resize(edges.len(), None);
+            if rise.is_some() {
+                looks.clear();
+                looks.resize(edges.len(), None);
+            }
             while let Some(i) = todo.next() {
                 let (x, y, on_edge) = (i % n, i / n, edges[i]);
                 let (weight, by_length) = (weights.face(face)[i], weights.closeness(face)[i]);
@@ -122,13 +125,13 @@ impl NearField<'_> {
                     continue;
                 }
                 edges[i] = true;
-                let rise = if on_edge { rise.within(face, x as u32, y as u32) } else { 0.0 };
+                let rise = rise.filter(|_| on_edge).map_or(0.0, |rise| rise.within(face, x as u32, y as u32));
                 let seen = self.look(receiver, &frame, (face, x, y, rise), n);
                 let drawn = drawn(face, x, y);
                 if self.overhangs(&drawn, depth, seen.1 * weight / by_length, n) {
                     todo.add_neighbours(&mut edges, i, n);
                 }
-                looks[i] = Some(Look { radiance: seen.0, rise });
+                looks.get_mut(i).into_iter().for_each(|look| *look = Some(Look { radiance: seen.0, rise }));
                 change.radiance += weight * (seen.0 - drawn.radiance);
                 change.closeness += weight * seen.1 - by_length * depth;
                 change.covered += if depth > 0.0 { 0.0 } else { weight };
@@ -137,8 +140,10 @@ impl NearField<'_> {
                 change.missed += if seen.1 > 0.0 { 0.0 } else { weight };
                 rays += 1;
             }
-            let radiance = |i: usize| drawn(face, i % n, i / n).radiance;
-            change.radiance += rise::moved(&looks, weights.face(face), n, radiance);
+            if rise.is_some() {
+                let radiance = |i: usize| drawn(face, i % n, i / n).radiance;
+                change.radiance += rise::moved(&looks, weights.face(face), n, radiance);
+            }
         }
         self.rays.fetch_add(rays, Ordering::Relaxed);
         change

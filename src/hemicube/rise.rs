@@ -1,7 +1,7 @@
 //! How far above or below a pixel's centre its ray goes by.
 //!
 //! A hemicube turns about its normal alone: however often it is turned, its pixels stay at their heights above the horizon,
-//! and an outline is missed by the same part of a pixel each time. So rays that decide outlines go through other heights of
+//! and an outline is missed by the same part of a pixel each time. So rays that decide the outlines of lamps go through other heights of
 //! their pixels, and are right on average over turns and over the gathers that interpolation averages. Neighbouring
 //! columns differ, or a horizon would be missed by all of them alike; within a column, the rays stay equally far apart.
 

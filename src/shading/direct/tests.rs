@@ -155,6 +155,21 @@ fn a_light_of_which_little_is_seen_leaves_no_holes() {
     assert_eq!(dark.count(), 0);
 }
 
+/// POV's area light without `area_illumination` shines from its middle, and the floor itself hides the part of it that is below.
+#[test]
+fn the_horizon_hides_part_of_an_area_light() {
+    let edges = [DVec3::X, 2.0 * DVec3::Z];
+    let panel = PunctualLight { position: DVec3::new(0.0, 9.0, 0.3), area: Some(edges), ..bulb() };
+    let picture = Picture::new(Vec::new(), vec![panel], 1);
+    let visible = picture.visible();
+    let (light, exact) = (picture.light(&visible), picture.exact(&visible, 1024));
+    for (got, exact) in light.iter().zip(&exact) {
+        assert!((got / exact - 1.0).abs() < 0.06, "{got}, not {exact}");
+    }
+    let sums = [&light, &exact].map(|light| light.iter().sum::<f32>());
+    assert!((sums[0] / sums[1] - 1.0).abs() < 5e-3, "{} of the light", sums[0] / sums[1]);
+}
+
 #[test]
 fn hard_shadows_are_anti_aliased() {
     let picture = Picture::new(vec![blind()], vec![bulb()], 64);

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 const RAYED: usize = 64;
 
 /// Sets places in a pixel apart from points of a light.
-const PLACES: u32 = 0x9_1ace;
+pub const PLACES: u32 = 0x9_1ace;
 
 /// Finds the visibility at points by all the rays that they may have.
 pub fn average(lit: &Lit, hood: &Hood, light: LightAlone, answers: &mut Answers, points: &[u32]) {
@@ -96,23 +96,26 @@ fn over_pixel(
     if lit.view.samples == 1 {
         return tally;
     }
-    let Lit { view, settings, scenery, .. } = *lit;
-    let footprint = view.footprint(point.position);
+    let Lit { view, settings, .. } = *lit;
     let places = Sequence::new(settings.seed, point.stream, PLACES);
     let targets = Sequence::new(settings.seed, point.stream, light.number);
     let rays = rays(lit, light);
     for (within, towards) in places.first(rays).zip(targets.first(rays)) {
         let place = match flat {
             true => view.meet_within(point, within),
-            false => view
-                .trace_within(&scenery.accel, point.stream, within)
-                .filter(|place| same_surface(point, place, footprint)),
+            false => place_within(lit, point, within),
         };
         if let Some(place) = place {
             seen.trace(&lit_point(&place), towards, &mut tally);
         }
     }
     tally
+}
+
+/// Where a camera ray through the point's pixel meets the point's surface; `within` is in the unit square.
+pub fn place_within(lit: &Lit, point: &ShadingPoint, within: Vec2) -> Option<ShadingPoint> {
+    let place = lit.view.trace_within(&lit.scenery.accel, point.stream, within)?;
+    same_surface(point, &place, lit.view.footprint(point.position)).then_some(place)
 }
 
 /// Rays from the point itself.

@@ -2,7 +2,7 @@
 
 use super::hood::Hood;
 use super::interleaved::Interleaved;
-use super::{Lit, PORTION, lit_point};
+use super::{Lit, PORTION, lit_point, own};
 use crate::direct::sequence::Sequence;
 use crate::direct::{LightAlone, LitPoint};
 use crate::lanes::LANES;
@@ -22,8 +22,10 @@ const SKIPPED: u8 = 8;
 /// Points around disagree.
 const MIXED: u8 = 16;
 
-/// Rays at a point that shares its pixel with other surfaces: what hides light touches it more often than others.
-const PROBES_AT_EDGES: u32 = 4;
+/// Fewest and most rays at a point that shares its pixel with other surfaces: what hides light touches it more often than others.
+const PROBES_AT_EDGES: (u32, u32) = (4, 16);
+/// The part of a point's rays that are sent there first.
+const FIRST_PART: u32 = 8;
 /// Rays tried where the light reaches below the horizon.
 const TRIES: u32 = 4;
 
@@ -191,12 +193,20 @@ fn ask(lit: &Lit, hood: &Hood, light: LightAlone, i: usize, point: &LitPoint, to
     let seed = lit.settings.seed;
     let mut found = answer(light, point, towards);
     let more = Sequence::new(seed, lit.visible.points[i].stream, light.number);
+    let places = Sequence::new(seed, lit.visible.points[i].stream, own::PLACES);
     let ask = |ray: u32| answer(light, point, more.point(ray));
     if found == UNKNOWN {
         found = (0..TRIES).map(ask).find(|&answer| answer != UNKNOWN).unwrap_or(UNKNOWN);
     }
     if !hood.fills_pixel(i) && !light.is_point() {
-        let others = (0..PROBES_AT_EDGES - 1).map(ask).filter(|&answer| answer != UNKNOWN);
+        // What hides light at a contact may hide it from the other end of the pixel only.
+        let from_beside = |ray: u32| {
+            let beside = own::place_within(lit, &lit.visible.points[i], places.point(ray));
+            beside.map_or_else(|| ask(ray), |beside| answer(light, &lit_point(&beside), more.point(ray)))
+        };
+        let (fewest, most) = PROBES_AT_EDGES;
+        let probes = (lit.settings.light_samples / FIRST_PART).clamp(fewest, most);
+        let others = (0..probes - 1).map(from_beside).filter(|&answer| answer != UNKNOWN);
         found = others.fold(found, |found, answer| found | answer);
     }
     found

@@ -170,6 +170,44 @@ fn the_horizon_hides_part_of_an_area_light() {
     assert!((sums[0] / sums[1] - 1.0).abs() < 5e-3, "{} of the light", sums[0] / sums[1]);
 }
 
+/// The lamp hangs 0.02 below the ceiling: the topmost pixels of the walls are lit in their lower parts only.
+#[test]
+fn strips_without_light_at_contacts_are_seen() {
+    const WIDTH: u32 = 280;
+    const FINER: u32 = 4;
+    let description = crate::scene::load(&["scenes/cornell-box.pov".into()]).expect("a scene");
+    let camera = description.camera.clone().expect("a view");
+    let scene = Scene::new(&description).expect("has an area");
+    let run = Run::new(Reporter::new(true, false));
+    let settings = Settings {
+        gather: GatherMethod::None,
+        device: DeviceRequest::Cpu,
+        light_samples: 64,
+        ..Settings::default()
+    };
+    let world = World::prepare(scene, None, &settings, &run).expect("prepared");
+    let picture = |width: u32, samples: u32| {
+        let view = View::new(&world.scene, &camera, width, width, samples, 0);
+        crate::render::render(&world, &view, &settings, &[], &run).expect("rendered").pixels
+    };
+    let (coarse, fine) = (picture(WIDTH, 64), picture(FINER * WIDTH, 16));
+    // The line where ceiling and back wall meet: everywhere else in its columns little changes from row to row.
+    let mean = |x: u32, y: u32| {
+        let at = |dx: u32, dy: u32| ((FINER * y + dy) * FINER * WIDTH + FINER * x + dx) as usize;
+        let places = (0..FINER * FINER).map(|k| fine[at(k % FINER, k / FINER)].x);
+        places.sum::<f32>() / (FINER * FINER) as f32
+    };
+    let jump = |y: &u32| (mean(WIDTH / 2, y + 1) - mean(WIDTH / 2, y - 1)).abs();
+    let line = (WIDTH / 6..WIDTH / 3).max_by(|a, b| jump(a).total_cmp(&jump(b))).expect("rows");
+    let columns = || WIDTH * 3 / 8..WIDTH * 5 / 8;
+    let sums = |value: &dyn Fn(u32, u32) -> f32| {
+        columns().flat_map(|x| [line - 1, line, line + 1].map(|y| value(x, y))).sum::<f32>()
+    };
+    let found = sums(&|x, y| coarse[(y * WIDTH + x) as usize].x) / sums(&mean);
+    println!("{found} of the light about row {line}");
+    assert!((found - 1.0).abs() < 0.01, "{found} of the light about row {line}");
+}
+
 #[test]
 fn hard_shadows_are_anti_aliased() {
     let picture = Picture::new(vec![blind()], vec![bulb()], 64);

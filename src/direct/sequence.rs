@@ -60,13 +60,13 @@ impl LaneTask for Eight {
     #[inline(always)]
     fn run<F: F32x8>(self) -> Self::Output {
         let (seed_x, seed_y) = (hash32(self.seed ^ 1), hash32(self.seed ^ 2));
-        let mut found = [[0.0; LANES]; 2];
-        for lane in 0..LANES {
-            let index = owen_scramble(self.indices[lane], self.seed);
-            found[0][lane] = unit_float(owen_scramble(index.reverse_bits(), seed_x));
-            found[1][lane] = unit_float(owen_scramble(sobol_second(index), seed_y));
+        let (mut across, mut up) = ([0.0; LANES], [0.0; LANES]);
+        for ((index, across), up) in self.indices.iter().zip(&mut across).zip(&mut up) {
+            let index = owen_scramble(*index, self.seed);
+            *across = unit_float(owen_scramble(index.reverse_bits(), seed_x));
+            *up = unit_float(owen_scramble(sobol_second(index), seed_y));
         }
-        found
+        [across, up]
     }
 }
 

@@ -9,6 +9,12 @@ use std::time::Instant;
 /// Pixels that a check takes, unless the user says how many.
 const PIXELS: u32 = 256;
 
+/// The relative error down to which so many tell it; below, their number grows with the inverse square.
+const FEW_PIXELS_DO: f64 = 0.01;
+
+/// By how many times, at the most.
+const MOST_TIMES: f64 = 8.0;
+
 /// What the user wants to know, or to be sure of.
 #[derive(Debug, Args)]
 pub struct PromiseArgs {
@@ -34,7 +40,7 @@ impl PromiseArgs {
     pub fn target(&self, started: Instant, seed: u32) -> Option<Target> {
         let goal = Goal { error: self.target_error, seconds: self.time_budget };
         let asked = goal != Goal::default();
-        asked.then(|| Target { goal, started, pixels: self.pixels(), seed })
+        asked.then(|| Target { goal, started, pixels: self.pixels_for(goal.error), seed })
     }
 
     /// Whether the picture will be checked.
@@ -49,6 +55,13 @@ impl PromiseArgs {
 
     fn pixels(&self) -> usize {
         self.verify.unwrap_or(PIXELS) as usize
+    }
+
+    /// Pixels by which settings are chosen for an error, and checked. Of a small error, most stands at few pixels, which few others do
+    /// not tell of.
+    fn pixels_for(&self, error: Option<f64>) -> usize {
+        let more = error.map_or(1.0, |error| (FEW_PIXELS_DO / error).powi(2).clamp(1.0, MOST_TIMES));
+        self.verify.map_or((f64::from(PIXELS) * more) as usize, |pixels| pixels as usize)
     }
 }
 

@@ -20,7 +20,7 @@ use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// More corners of faces make more triangles than primitives have numbers.
-const MOST_CORNERS: usize = 3_000_000_000;
+const MOST_CORNERS: u64 = 3_000_000_000;
 
 /// The scene that the text of the file `path` describes. Material libraries are read from beside it.
 ///
@@ -40,7 +40,7 @@ pub fn parse(path: &Path, text: &[u8]) -> Result<SceneDescription> {
     let mut scene = SceneDescription { warnings, ..Default::default() };
     scene.materials = materials.iter().map(mtl::material).collect();
     scene.materials.push(Material::default());
-    if scan.corners.len() > MOST_CORNERS {
+    if scan.corners.len() as u64 > MOST_CORNERS {
         return Err(Error::file(path, "the file has more than a billion triangles"));
     }
     scene.shapes = meshes(scan, &materials).collect();

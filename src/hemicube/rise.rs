@@ -92,7 +92,7 @@ mod tests {
     /// As many rays go through the lower half of a pixel as it has of the pixel's weight.
     #[test]
     fn heights_follow_the_cosine() {
-        const N: u32 = 4;
+        const N: u32 = 8;
         const COUNT: u32 = 20_000;
         let (fine, coarse) = (Weights::new(2 * N), Weights::new(N));
         for (face, x, y) in (0..FACES).flat_map(|f| (0..N * rows(f, N)).map(move |i| (f, i % N, i / N))) {

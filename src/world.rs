@@ -166,7 +166,8 @@ impl World {
         self.drawables.enclosing = self.closed.encloses();
         self.round_light();
         run.reporter.verbose(|| self.surfels_in_words(settings));
-        if self.near_field == 0.0 && settings.near_lamps && lamps_are_near(&self.cloud, &self.lights) {
+        let may_help = self.near_field == 0.0 && settings.near_lamps && !self.format.is_colour();
+        if may_help && lamps_are_near(&self.cloud, &self.lights) {
             self.near_field = NEAR_LAMPS;
             run.reporter.verbose(|| {
                 "a lamp stands nearer to a surface than surfels there are wide: rays help".to_owned()

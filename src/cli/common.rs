@@ -219,7 +219,7 @@ impl TransportArgs {
             shape: self.surfel_shape,
             lod: self.lod.unwrap_or(quality.lod),
             near_field: self.near_field.unwrap_or(near_field),
-            near_lamps: quality.near_lamps && self.near_field.is_none() && !self.atlas_format.is_colour(),
+            near_lamps: quality.near_lamps && self.near_field.is_none(),
             interpolate: self.interpolate.map_or(quality.interpolate, |Interpolate(tolerance)| tolerance),
             bounces: self.bounces,
             light_samples: self.light_samples.unwrap_or(quality.light_samples),

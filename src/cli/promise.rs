@@ -40,7 +40,7 @@ impl PromiseArgs {
     pub fn target(&self, started: Instant, seed: u32) -> Option<Target> {
         let goal = Goal { error: self.target_error, seconds: self.time_budget };
         let asked = goal != Goal::default();
-        asked.then(|| Target { goal, started, pixels: self.pixels_for(goal.error), seed })
+        asked.then(|| Target { goal, started, pixels: self.pixels(goal.error), seed })
     }
 
     /// Whether the picture will be checked.
@@ -50,16 +50,12 @@ impl PromiseArgs {
 
     /// How thoroughly, when nothing is chosen by it.
     pub fn effort(&self, seed: u32) -> Effort {
-        Effort { pixels: self.pixels(), seed, ..Effort::default() }
+        Effort { pixels: self.pixels(None), seed, ..Effort::default() }
     }
 
-    fn pixels(&self) -> usize {
-        self.verify.unwrap_or(PIXELS) as usize
-    }
-
-    /// Pixels by which settings are chosen for an error, and checked. Of a small error, most stands at few pixels, which few others do
-    /// not tell of.
-    fn pixels_for(&self, error: Option<f64>) -> usize {
+    /// Pixels that are checked, and by which settings are chosen for an error. Of a small error, most stands at few pixels, which few others
+    /// do not tell of.
+    fn pixels(&self, error: Option<f64>) -> usize {
         let more = error.map_or(1.0, |error| (FEW_PIXELS_DO / error).powi(2).clamp(1.0, MOST_TIMES));
         self.verify.map_or((f64::from(PIXELS) * more) as usize, |pixels| pixels as usize)
     }

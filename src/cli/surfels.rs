@@ -49,6 +49,7 @@ fn bake(args: &SurfelsArgs, as_ply: bool) -> Result<()> {
     settings.gather = GatherMethod::Hemicube;
     // Rays near receivers are for pictures; bounces among surfels have none.
     settings.near_field = 0.0;
+    settings.near_lamps = false;
     let description = args.scene.load(&run)?;
     let scene = Scene::new(&description)?;
     let cloud = args.transport.cloud(&scene)?;

@@ -22,15 +22,13 @@ impl Sequence {
 
     /// Point `index`, in the unit square.
     pub(crate) fn point(&self, index: u32) -> Vec2 {
-        let index = owen_scramble(index, self.seed);
-        let x = owen_scramble(index.reverse_bits(), hash32(self.seed ^ 1));
-        let y = owen_scramble(sobol_second(index), hash32(self.seed ^ 2));
-        Vec2::new(unit_float(x), unit_float(y))
+        let [x, y] = scrambled(index, self.seed, self.seeds());
+        Vec2::new(x, y)
     }
 
     /// Eight points by their indices: where they lie along both sides of the unit square.
     pub(crate) fn eight(&self, indices: [u32; LANES]) -> [[f32; LANES]; 2] {
-        lanes::run(Eight { seed: self.seed, indices })
+        lanes::run(Eight { sequence: self, indices })
     }
 
     /// The first points.
@@ -42,6 +40,11 @@ impl Sequence {
         })
     }
 
+    /// Seeds of both dimensions.
+    fn seeds(&self) -> [u32; 2] {
+        [1, 2].map(|dimension| hash32(self.seed ^ dimension))
+    }
+
     /// A number in [0, 1) that shifts a whole set of samples.
     pub(crate) fn shift(&self) -> f32 {
         unit_float(hash32(self.seed ^ 3))
@@ -49,25 +52,30 @@ impl Sequence {
 }
 
 /// [`Sequence::point`], eight at a time: the compiler makes registers of these arrays.
-struct Eight {
-    seed: u32,
+struct Eight<'a> {
+    sequence: &'a Sequence,
     indices: [u32; LANES],
 }
 
-impl LaneTask for Eight {
+impl LaneTask for Eight<'_> {
     type Output = [[f32; LANES]; 2];
 
     #[inline(always)]
     fn run<F: F32x8>(self) -> Self::Output {
-        let (seed_x, seed_y) = (hash32(self.seed ^ 1), hash32(self.seed ^ 2));
+        let (shuffle, seeds) = (self.sequence.seed, self.sequence.seeds());
         let (mut across, mut up) = ([0.0; LANES], [0.0; LANES]);
         for ((index, across), up) in self.indices.iter().zip(&mut across).zip(&mut up) {
-            let index = owen_scramble(*index, self.seed);
-            *across = unit_float(owen_scramble(index.reverse_bits(), seed_x));
-            *up = unit_float(owen_scramble(sobol_second(index), seed_y));
+            [*across, *up] = scrambled(*index, shuffle, seeds);
         }
         [across, up]
     }
+}
+
+/// The point that a shuffled index stands for, each dimension scrambled by its own seed.
+#[inline(always)]
+fn scrambled(index: u32, shuffle: u32, [x, y]: [u32; 2]) -> [f32; 2] {
+    let index = owen_scramble(index, shuffle);
+    [unit_float(owen_scramble(index.reverse_bits(), x)), unit_float(owen_scramble(sobol_second(index), y))]
 }
 
 /// Sobol's second dimension; its first is the bit reversal. The generator matrix is Pascal's triangle modulo 2, a product

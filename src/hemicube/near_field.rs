@@ -131,7 +131,9 @@ impl NearField<'_> {
                 if self.overhangs(&drawn, depth, seen.1 * weight / by_length, n) {
                     todo.add_neighbours(&mut edges, i, n);
                 }
-                looks.get_mut(i).into_iter().for_each(|look| *look = Some(Look { radiance: seen.0, rise }));
+                if let Some(look) = looks.get_mut(i) {
+                    *look = Some(Look { radiance: seen.0, rise });
+                }
                 change.radiance += weight * (seen.0 - drawn.radiance);
                 change.closeness += weight * seen.1 - by_length * depth;
                 change.covered += if depth > 0.0 { 0.0 } else { weight };

@@ -35,9 +35,9 @@ impl Faces {
         self.materials.push(material);
     }
 
-    /// Their number.
-    pub fn len(&self) -> usize {
-        self.triangles.len()
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.triangles.is_empty()
     }
 
     /// The mesh over these vertices, unless it is empty.

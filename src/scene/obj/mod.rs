@@ -17,6 +17,7 @@ use glam::DVec3;
 use lines::Statements;
 use scan::{Library, Scan};
 use std::collections::{HashMap, HashSet};
+use std::mem::take;
 use std::path::{Path, PathBuf};
 
 /// More corners of faces make more triangles than primitives have numbers.
@@ -28,7 +29,7 @@ const MOST_CORNERS: u64 = 3_000_000_000;
 /// Names file, line, column and cause.
 pub fn parse(path: &Path, text: &[u8]) -> Result<SceneDescription> {
     let mut scan = scan::scan(&mut Statements::new(path, text))?;
-    let mut warnings = std::mem::take(&mut scan.warnings);
+    let mut warnings = take(&mut scan.warnings);
     let mut libraries = Libraries { path, plain: Vec::new(), seen: HashSet::new(), complete: true };
     for library in &scan.libraries {
         libraries.read(library, &mut warnings)?;
@@ -112,11 +113,9 @@ fn unknown_materials(path: &Path, scan: &Scan, materials: &[tobj::Material]) -> 
 /// A flat and a smooth mesh, if there is any triangle for them. Faces without a known material have the one behind `materials`.
 fn meshes(scan: Scan, materials: &[tobj::Material]) -> impl Iterator<Item = Shape> {
     let [flat, smooth] = faces(&scan, materials);
-    let positions = scan.positions;
-    let shared = flat.len() > 0 && smooth.len() > 0;
-    let copy = if shared { positions.clone() } else { Vec::new() };
-    let (of_flat, of_smooth) = if flat.len() > 0 { (positions, copy) } else { (copy, positions) };
-    flat.over(|| of_flat).into_iter().chain(smooth.over(|| of_smooth))
+    let mut positions = scan.positions;
+    let flat = flat.over(|| if smooth.is_empty() { take(&mut positions) } else { positions.clone() });
+    flat.into_iter().chain(smooth.over(|| positions))
 }
 
 /// The triangles of all faces: those without and those with normals.

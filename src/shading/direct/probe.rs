@@ -6,7 +6,6 @@ use super::{Lit, PORTION, lit_point, own};
 use crate::direct::sequence::Sequence;
 use crate::direct::{LightAlone, LitPoint};
 use crate::lanes::LANES;
-use bytemuck::allocation::zeroed_vec;
 use glam::Vec2;
 use rayon::prelude::*;
 use std::array::from_fn;
@@ -86,7 +85,7 @@ impl Answers {
     pub fn probe(lit: &Lit, hood: &Hood, light: LightAlone) -> Self {
         let count = lit.visible.points.len();
         let mut answers =
-            Self { unshadowed: zeroed_vec(count), visible: zeroed_vec(count), found: zeroed_vec(count) };
+            Self { unshadowed: vec![0.0; count], visible: vec![0.0; count], found: vec![0; count] };
         let points = &lit.visible.points;
         let chunks = answers.unshadowed.par_chunks_mut(CHUNK).zip(points.par_chunks(CHUNK)).with_max_len(1);
         chunks.for_each(|(unshadowed, points)| {

@@ -1,8 +1,14 @@
 //! How the GNU C library's allocator hands freed memory back to the system; other systems' need no help.
 
-/// Gives back what the allocator keeps for later: it keeps the workspaces of every thread, a hundred bytes a surfel after a
-/// million have been generated.
-pub fn give_back() {
+/// From so many surfels on, what work on them leaves behind is worth the time that it takes to give it back.
+const MANY_SURFELS: usize = 200_000;
+
+/// Gives back what the allocator keeps for later after work on so many surfels: it keeps the workspaces of every thread, a
+/// hundred bytes a surfel after a million have been generated.
+pub fn give_back_after(surfels: usize) {
+    if surfels < MANY_SURFELS {
+        return;
+    }
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     // SAFETY: the function may be called at any time by any thread; it touches free memory only.
     unsafe {

@@ -39,9 +39,6 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// From so many surfels on, what shading them leaves free goes back to the system before their tree is built.
-const MANY_SURFELS: usize = 200_000;
-
 /// What all stages read while a picture is made.
 pub struct World {
     /// The scene.
@@ -158,11 +155,10 @@ impl World {
 
     fn prepare_drawing(&mut self, cloud: Option<SurfelCloud>, settings: &Settings, run: &Run) -> Result<()> {
         self.prepare_surfels(cloud, settings, run)?;
-        if self.cloud.len() >= MANY_SURFELS {
-            heap::give_back();
-        }
+        heap::give_back_after(self.cloud.len());
         self.tree = run.clock.time(Stage::Tree, || (settings.lod > 0.0).then(|| self.surfel_tree()));
         self.drawables = Drawables::new(&self.cloud, self.tree.as_ref());
+        heap::give_back_after(self.cloud.len());
         self.drawables.enclosing = self.closed.encloses();
         self.round_light();
         run.reporter.verbose(|| self.surfels_in_words(settings));
@@ -177,6 +173,7 @@ impl World {
         self.bounce(settings, near_field, run)?;
         if near_field {
             self.lookup = Some(self.make_lookup(run));
+            heap::give_back_after(self.cloud.len());
         }
         Ok(())
     }

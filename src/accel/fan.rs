@@ -54,13 +54,14 @@ impl Fan {
 }
 
 impl Accel {
-    /// Calls `found`, ray by ray, with what [`Accel::closest_point`] finds along the rays from one place.
+    /// Calls `found` with what [`Accel::closest_point`] finds along the rays from one place: for up to eight rays at a time,
+    /// with the number of the first.
     #[inline]
     pub fn closest_points(
         &self,
         origin: Vec3,
         fan: &Fan,
-        mut found: impl FnMut(usize, Option<SurfacePoint>),
+        mut found: impl FnMut(usize, &[Option<SurfacePoint>]),
     ) {
         let before = self.habit.coherence();
         let mut coherence = before.clone();
@@ -68,9 +69,9 @@ impl Accel {
         self.follow(origin, &fan.directions, &mut coherence, |these, hits| {
             for (eight, hits) in these.zip(hits) {
                 let first = eight * LANES;
-                for lane in 0..LANES.min(fan.len - first) {
-                    found(first + lane, self.point(origin, &fan.directions[eight], hits, lane));
-                }
+                let points: [_; LANES] =
+                    std::array::from_fn(|lane| self.point(origin, &fan.directions[eight], hits, lane));
+                found(first, &points[..LANES.min(fan.len - first)]);
             }
         });
         self.habit.learn(&before, &coherence);

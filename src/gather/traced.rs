@@ -10,8 +10,9 @@ use crate::direct::sequence::Sequence;
 use crate::error::Result;
 use crate::hemicube::frame::{Coverage, Receiver};
 use crate::interrupt;
+use crate::lanes::LANES;
 use crate::math::{cosine_hemisphere, hash32};
-use crate::surfel::hit_light::{GatherRay, HitLight};
+use crate::surfel::hit_light::{Expected, GatherRay, HitLight};
 use crate::surfel::lookup::SideLookup;
 use crate::surfel::transfer::Row;
 use glam::{DVec3, Vec2, Vec3};
@@ -60,14 +61,20 @@ impl<'a> TracedGatherer<'a> {
         let rays = self.rays.of(receiver);
         for run in rays.chunks(RUN) {
             let (mut sum, mut close) = (Vec3::ZERO, 0.0);
-            trace(accel, receiver, run, |ray, hit| match hit {
-                Some(hit) => {
-                    sum += self.light.radiance(ray, &hit);
-                    close += 1.0 / hit.t.max(RAY_OFFSET);
-                }
-                None => {
-                    sum += background;
-                    misses += 1;
+            trace(accel, receiver, run, |ray, hits| {
+                // The light of all is asked for before that of the first is needed.
+                let expected = ask(&self.light, hits);
+                for (i, expected) in expected[..hits.len()].iter().enumerate() {
+                    match expected {
+                        Some(expected) => {
+                            sum += self.light.radiance(|| ray(i), expected);
+                            close += 1.0 / expected.hit.t.max(RAY_OFFSET);
+                        }
+                        None => {
+                            sum += background;
+                            misses += 1;
+                        }
+                    }
                 }
             });
             total += sum.as_dvec3();
@@ -123,32 +130,46 @@ pub fn form_factors(
         let rays = rays.of(receiver);
         let share = 1.0 / rays.len() as f32;
         let (mut sides, mut background) = (Vec::with_capacity(rays.len()), 0.0);
-        trace(accel, receiver, rays, |_, hit| match hit {
-            Some(hit) => sides.extend(lookup.side(&hit).map(|side| (side, share))),
-            None => background += share,
+        trace(accel, receiver, rays, |_, hits| {
+            for hit in hits {
+                match hit {
+                    Some(hit) => sides.extend(lookup.side(hit).map(|side| (side, share))),
+                    None => background += share,
+                }
+            }
         });
         Ok((sides, background))
     };
     receivers.par_iter().with_min_len(8).map(row).collect()
 }
 
-/// Calls `found` with what each ray of a receiver meets.
+/// Asks for the light of up to eight hits.
+#[inline]
+fn ask(light: &HitLight, hits: &[Option<SurfacePoint>]) -> [Option<Expected>; LANES] {
+    std::array::from_fn(|i| hits.get(i).copied().flatten().map(|hit| light.expect(hit)))
+}
+
+/// Calls `found` with what the rays of a receiver meet, up to eight at a time, and with what tells their rays.
 #[inline]
 fn trace(
     accel: &Accel,
     receiver: &Receiver,
     rays: &[Vec3],
-    mut found: impl FnMut(&GatherRay, Option<SurfacePoint>),
+    mut found: impl FnMut(&dyn Fn(usize) -> GatherRay, &[Option<SurfacePoint>]),
 ) {
     let frame = receiver.frame();
     let origin = offset_origin(receiver.position, receiver.normal, receiver.normal);
     FAN.with_borrow_mut(|fan| {
         fan.clear();
         rays.iter().for_each(|&local| fan.push(frame.to_world(local)));
-        accel.closest_points(origin, fan, |i, hit| {
-            // No two rays of a set leave the same way.
-            let stream = u64::from(receiver.seed) << 32 | u64::from(rays[i].x.to_bits());
-            found(&GatherRay { origin, direction: frame.to_world(rays[i]), stream }, hit);
+        accel.closest_points(origin, fan, |first, hits| {
+            let ray = |i: usize| {
+                let local = rays[first + i];
+                // No two rays of a set leave the same way.
+                let stream = u64::from(receiver.seed) << 32 | u64::from(local.x.to_bits());
+                GatherRay { origin, direction: frame.to_world(local), stream }
+            };
+            found(&ray, hits);
         });
     });
 }

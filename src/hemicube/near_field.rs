@@ -14,14 +14,20 @@ use super::rise::{self, Look, Rise};
 use super::weights::Weights;
 use crate::accel::{RAY_OFFSET, offset_origin};
 use crate::math::Frame;
-use crate::surfel::hit_light::{GatherRay, HitLight};
+use crate::surfel::hit_light::{Expected, GatherRay, HitLight};
 use glam::Vec3;
+use std::cell::Cell;
 use std::ops::AddAssign;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A surface ends where what the next pixel shows is further away than foretold by more than this factor. Lower, and the
 /// edges of boxes between two visible sides need rays, too.
 const EDGE: f32 = 1.3;
+
+thread_local! {
+    /// Room for the pixels that wait: taken anew for every hemicube, threads would wait for each other's allocations.
+    static WAITING: Cell<Vec<Waiting>> = Cell::default();
+}
 
 /// What rays see in place of drawn pixels.
 #[derive(Clone, Copy)]
@@ -107,6 +113,9 @@ impl NearField<'_> {
         let mut change = Sums::default();
         let mut rays = 0;
         let mut looks = Vec::new();
+        // A face's rays are all followed before the first one's light is needed: it comes from memory meanwhile.
+        let mut waiting = WAITING.take();
+        let background = self.light.accel.scene().background;
         for face in 0..FACES {
             let depths = depths(face);
             let mut edges = edges(&depths, n, rows(face, weights.resolution) as usize);
@@ -126,27 +135,34 @@ impl NearField<'_> {
                 }
                 edges[i] = true;
                 let rise = rise.filter(|_| on_edge).map_or(0.0, |rise| rise.within(face, x as u32, y as u32));
-                let seen = self.look(receiver, &frame, (face, x, y, rise), n);
+                let looking = self.look(receiver, &frame, (face, x, y, rise), n);
+                let seen = looking.depth();
                 let drawn = drawn(face, x, y);
-                if self.overhangs(&drawn, depth, seen.1 * weight / by_length, n) {
+                if self.overhangs(&drawn, depth, seen * weight / by_length, n) {
                     todo.add_neighbours(&mut edges, i, n);
                 }
-                if let Some(look) = looks.get_mut(i) {
-                    *look = Some(Look { radiance: seen.0, rise });
-                }
-                change.radiance += weight * (seen.0 - drawn.radiance);
-                change.closeness += weight * seen.1 - by_length * depth;
+                change.closeness += weight * seen - by_length * depth;
                 change.covered += if depth > 0.0 { 0.0 } else { weight };
                 change.back -= weight * drawn.back;
                 change.repaired += weight;
-                change.missed += if seen.1 > 0.0 { 0.0 } else { weight };
+                change.missed += if seen > 0.0 { 0.0 } else { weight };
                 rays += 1;
+                waiting.push(Waiting { pixel: i, rise, looking });
+            }
+            for Waiting { pixel: i, rise, looking } in waiting.drain(..) {
+                let radiance =
+                    looking.met.map_or(background, |met| self.light.radiance(|| looking.ray, &met));
+                change.radiance += weights.face(face)[i] * (radiance - drawn(face, i % n, i / n).radiance);
+                if let Some(look) = looks.get_mut(i) {
+                    *look = Some(Look { radiance, rise });
+                }
             }
             if rise.is_some() {
                 let radiance = |i: usize| drawn(face, i % n, i / n).radiance;
                 change.radiance += rise::moved(&looks, weights.face(face), n, radiance);
             }
         }
+        WAITING.set(waiting);
         self.rays.fetch_add(rays, Ordering::Relaxed);
         change
     }
@@ -158,27 +174,44 @@ impl NearField<'_> {
         pixels > 1.0 && depth > seen * EDGE
     }
 
-    /// Radiance, and 1 / distance, of what the ray through a pixel (face, x, y) meets that goes by above its centre, by a part of
-    /// the pixel.
+    /// Sends the ray through a pixel (face, x, y) that goes by above its centre, by a part of the pixel.
+    #[inline(always)]
     fn look(
         &self,
         receiver: &Receiver,
         frame: &Frame,
         pixel: (usize, usize, usize, f32),
         n: usize,
-    ) -> (Vec3, f32) {
+    ) -> Looking {
         let (face, x, y, rise) = pixel;
         let (u, v) = pixel_direction(face, x as u32, y as u32, 1.0 / n as f32);
         let v = v + rise * (2.0 / n as f32);
         let direction = frame.to_world(from_face(face, Vec3::new(u, v, 1.0))).normalize();
         let origin = offset_origin(receiver.position, receiver.normal, direction);
-        let accel = self.light.accel;
         let place = ((face * n + y) * n + x) as u64;
         let ray = GatherRay { origin, direction, stream: u64::from(receiver.seed) << 32 | place };
-        match accel.closest_point(origin, direction, f32::INFINITY) {
-            Some(hit) => (self.light.radiance(&ray, &hit), 1.0 / hit.t.max(RAY_OFFSET)),
-            None => (accel.scene().background, 0.0),
-        }
+        let met = self.light.accel.closest_point(origin, direction, f32::INFINITY);
+        Looking { ray, met: met.map(|hit| self.light.expect(hit)) }
+    }
+}
+
+/// A pixel whose ray waits for the light of what it met.
+struct Waiting {
+    pixel: usize,
+    rise: f32,
+    looking: Looking,
+}
+
+/// A ray, and what it met, whose light is still to come.
+struct Looking {
+    ray: GatherRay,
+    met: Option<Expected>,
+}
+
+impl Looking {
+    /// 1 / distance; 0 where the ray met nothing.
+    fn depth(&self) -> f32 {
+        self.met.map_or(0.0, |met| 1.0 / met.hit.t.max(RAY_OFFSET))
     }
 }
 

@@ -92,9 +92,7 @@ pub fn generate(
             cover(scene, patch, count as usize, settings.shape, &mut rng, step_done)
         })
         .collect::<Result<_>>()?;
-    if total >= SHOWN_FROM {
-        heap::give_back();
-    }
+    heap::give_back_after(total as usize);
     Ok(assemble(scene, closed, settings.shape, &parts))
 }
 

@@ -4,6 +4,7 @@
 //! it is what decides how bright the foot is. Such places are lit by a shadow ray of their own if they are met from nearby: the
 //! mean of a gather's many rays is then free of the surfels' blur.
 
+use super::chart::Place;
 use super::lookup::RadianceLookup;
 use crate::accel::{Accel, Hit, SurfacePoint};
 use crate::direct::{Lights, LitPoint};
@@ -42,13 +43,27 @@ pub struct GatherRay {
     pub stream: u64,
 }
 
+/// A hit whose light has been asked for.
+#[derive(Debug, Clone, Copy)]
+pub struct Expected {
+    /// What the ray met.
+    pub hit: SurfacePoint,
+    place: Option<Place>,
+}
+
 impl HitLight<'_> {
-    /// Radiance that `hit` sends back along the ray, W sr-1 m-2.
+    /// Asks for the light of a hit from memory; [`Self::radiance`] had better not need it at once.
     #[inline(always)]
-    pub fn radiance(&self, ray: &GatherRay, hit: &SurfacePoint) -> Vec3 {
-        let found = self.lookup.look(hit);
+    pub fn expect(&self, hit: SurfacePoint) -> Expected {
+        Expected { place: self.lookup.expect(&hit), hit }
+    }
+
+    /// Radiance that a hit sends back along its ray, W sr-1 m-2.
+    #[inline(always)]
+    pub fn radiance(&self, ray: impl FnOnce() -> GatherRay, expected: &Expected) -> Vec3 {
+        let (hit, found) = (&expected.hit, self.lookup.at(expected.place));
         match &self.anew {
-            Some(anew) if hit.t < found.coarse_within => self.shade(anew, ray, hit, found.radiance),
+            Some(anew) if hit.t < found.coarse_within => self.shade(anew, &ray(), hit, found.radiance),
             _ => found.radiance,
         }
     }

@@ -89,6 +89,8 @@ pub trait Mask8: Copy {
     fn and(self, o: Self) -> Self;
     /// `a` where set, else `b`.
     fn select(self, a: Self::Float, b: Self::Float) -> Self::Float;
+    /// `a` where set, else 0.
+    fn keep(self, a: Self::Float) -> Self::Float;
     /// `a` where set, else `b`.
     fn select_whole(self, a: Self::Whole, b: Self::Whole) -> Self::Whole;
     /// One bit a lane.
@@ -176,6 +178,7 @@ impl Mask8 for PortableMask {
 
     #[inline(always)] fn and(self, o: Self) -> Self { lanewise!(PortableMask, |i| self.0[i] && o.0[i]) }
     #[inline(always)] fn select(self, a: Portable, b: Portable) -> Portable { lanewise!(Portable, |i| if self.0[i] { a.0[i] } else { b.0[i] }) }
+    #[inline(always)] fn keep(self, a: Portable) -> Portable { lanewise!(Portable, |i| if self.0[i] { a.0[i] } else { 0.0 }) }
     #[inline(always)] fn select_whole(self, a: [u32; LANES], b: [u32; LANES]) -> [u32; LANES] { std::array::from_fn(|i| if self.0[i] { a[i] } else { b[i] }) }
     #[inline(always)] fn bits(self) -> u32 { (0..LANES).fold(0, |bits, i| bits | u32::from(self.0[i]) << i) }
 }
@@ -331,6 +334,7 @@ pub mod avx2 {
 
         #[inline(always)] fn and(self, o: Self) -> Self { Self(intrinsic!(_mm256_and_ps(self.0, o.0))) }
         #[inline(always)] fn select(self, a: Self, b: Self) -> Self { Self(intrinsic!(_mm256_blendv_ps(b.0, a.0, self.0))) }
+        #[inline(always)] fn keep(self, a: Self) -> Self { Self(intrinsic!(_mm256_and_ps(self.0, a.0))) }
         #[inline(always)] fn bits(self) -> u32 { intrinsic!(_mm256_movemask_ps(self.0)) as u32 }
 
         #[inline(always)]

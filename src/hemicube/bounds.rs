@@ -57,6 +57,43 @@ impl<F: F32x8> PixelBounds<F> {
     }
 }
 
+/// How far up and forward eight splats reach on one face: which rows of its pixels may meet them. Unlike [`PixelBounds`] they take
+/// no division, and splats that reach behind the face's eye are nothing special.
+pub struct Slab<F> {
+    low: F,
+    high: F,
+    near: F,
+    far: F,
+}
+
+impl<F: F32x8> Slab<F> {
+    /// The slabs of splats on an N x N face.
+    #[inline(always)]
+    pub fn new<const FACE: usize>(extent: &Extent<F>, resolution: f32) -> Self {
+        let [_, up, forward] = AXES[FACE];
+        let (c, half) = (&extent.centre, &extent.half);
+        let ahead = if FORWARD[FACE] > 0.0 { c[forward] } else { c[forward].negate() };
+        let (near, far) = (ahead - half[forward], ahead + half[forward]);
+        let slack = far * F::splat(2.0 * SLACK / resolution);
+        let reach = half[up] + slack;
+        Self { low: c[up] - reach, high: c[up] + reach, near, far }
+    }
+
+    /// Those that meet the pixels which look up by `slope` for a unit forward.
+    #[inline(always)]
+    pub fn meets_upwards(&self, slope: f32) -> F::Mask {
+        let slope = F::splat(slope);
+        self.low.le(slope * self.far).and((slope * self.near).le(self.high))
+    }
+
+    /// The same for a slope below 0.
+    #[inline(always)]
+    pub fn meets_downwards(&self, slope: f32) -> F::Mask {
+        let slope = F::splat(slope);
+        self.low.le(slope * self.near).and((slope * self.far).le(self.high))
+    }
+}
+
 /// The range of depths of eight splats on one face.
 struct Depths<F: F32x8> {
     by_near: F,

@@ -2,7 +2,7 @@
 //! touch; larger ones splat by splat.
 
 use super::bins::RowBins;
-use super::bounds::{PixelBounds, on_face};
+use super::bounds::{PixelBounds, Slab, on_face};
 use super::frame::{FACES, Receiver, rows};
 use super::local::{Directions, Extent, Eye, HELD, Local, RIGHT};
 use super::near_field::Depths;
@@ -44,7 +44,7 @@ impl Raster {
             marks: vec![[0; LANES]; all_rows * blocks],
             first_row,
             local: Box::default(),
-            bins: RowBins::new(if blocks == 1 { all_rows } else { 0 }),
+            bins: RowBins::new(if blocks == 1 { resolution } else { 0 }),
         }
     }
 
@@ -114,12 +114,15 @@ impl Raster {
             return;
         }
         let n = self.resolution as f32;
-        let bounds = PixelBounds::<F>::new::<FACE>(extent, n);
-        let which = bounds.hold_a_column(n).bits() & touching;
         if self.u.len() == 1 {
             let count = rows(FACE, self.resolution) as usize;
-            self.bins.add(self.first_row[FACE], count, start, which, bounds.y);
+            let downwards = if FACE == 0 { count / 2 } else { 0 };
+            let slab = Slab::<F>::new::<FACE>(extent, n);
+            let first = self.first_row[FACE];
+            self.bins.add(first..first + count, downwards, start, touching, &slab);
         } else {
+            let bounds = PixelBounds::<F>::new::<FACE>(extent, n);
+            let which = bounds.hold_a_column(n).bits() & touching;
             self.draw_block::<F, FACE, TRIANGLE>(start, which, &bounds);
         }
     }
@@ -134,8 +137,10 @@ impl Raster {
             let (mut depth, mut marks) = (F::load(&self.depth[row]), F::Whole::load(&self.marks[row]));
             for &place in self.bins.row(row) {
                 let (z, within) = self.local.cover::<F, FACE, TRIANGLE>(place.into(), &directions);
-                let wins = within.and(z.gt(depth));
-                depth = wins.select(z, depth);
+                // Splat after splat waits for the depth so far: the way from one to the next is kept short.
+                let z = within.keep(z);
+                let wins = z.gt(depth);
+                depth = z.max(depth);
                 marks = wins.select_whole(self.local.mark(place.into()), marks);
             }
             depth.store(&mut self.depth[row]);

@@ -1,8 +1,9 @@
 //! The weighted linear least-squares fit through the records around a point.
 
-use super::lanes::{PointLanes, QuadLanes, RecordLanes};
+use super::lanes::{EightRecords, PointLanes, QuadLanes, RecordLanes};
 use super::record::Record;
-use crate::lanes::{F32x8, LANES, Mask8, dot, sub};
+use crate::lanes::{F32x8, LANES, Mask8, dot, sub, vector};
+use crate::math::Frame;
 use glam::Vec3;
 
 /// A record takes part in fits up to this many times its reach.
@@ -66,8 +67,7 @@ struct Sums<F> {
 /// Fits at eight points.
 #[inline(always)]
 pub fn fit<F: F32x8>(records: &RecordLanes, points: &PointLanes) -> [Fit; LANES] {
-    let mut sums = Sums::<F>::of(records, &points.load());
-    sums.leave_out(points);
+    let sums = Sums::<F>::of(records, &points.load());
     let plane = sums.plane();
     let (known, distance) = (sums.known(), sums.distance());
     let light = lanes_of(plane.middle());
@@ -92,15 +92,30 @@ pub fn fit_quads<F: F32x8>(records: &RecordLanes, quads: &QuadLanes) -> [QuadFit
     })
 }
 
-/// Distances of eight points to the nearest record, in its reaches: [`Fit::distance`] alone.
+/// What all other records say of the place of one that is among them.
 #[inline(always)]
-pub fn nearest<F: F32x8>(records: &RecordLanes, points: &PointLanes) -> [f32; LANES] {
-    let at = points.load::<F>();
-    let mut nearest = F::splat(f32::MAX);
-    for record in &records.list {
-        nearest = nearest.min(Offset::new(record, &at).distance);
+pub fn predict<F: F32x8>(records: &[EightRecords], one: &Record) -> Option<Vec3> {
+    let at = Points8::<F>::same(one.position, one.normal);
+    let mut sums = Sums::new();
+    for eight in records {
+        sums.add(&eight.load(), &at);
     }
-    in_reaches(nearest)
+    let mut sums = sums.of_all_lanes();
+    sums.leave_out(one);
+    sums.known()[0].then(|| lanes_of(sums.plane().middle())[0])
+}
+
+/// Whether some record reaches a point.
+#[inline(always)]
+pub fn is_reached<F: F32x8>(records: &[EightRecords], position: Vec3, normal: Vec3) -> bool {
+    let at = Points8::<F>::same(position, normal);
+    let reach = F::splat(1.0 / (SUPPORT * SUPPORT));
+    for eight in records {
+        if Offset::new(&eight.load(), &at).distance.le(reach).bits() != 0 {
+            return true;
+        }
+    }
+    false
 }
 
 /// Eight points in registers.
@@ -111,16 +126,67 @@ pub struct Points8<F> {
     pub bitangent: [F; 3],
 }
 
-/// A record as the fit reads it.
+impl<F: F32x8> Points8<F> {
+    /// One point in all lanes.
+    #[inline(always)]
+    fn same(position: Vec3, normal: Vec3) -> Self {
+        let frame = Frame::from_normal(normal);
+        Self {
+            position: vector(position),
+            normal: vector(normal),
+            tangent: vector(frame.tangent),
+            bitangent: vector(frame.bitangent),
+        }
+    }
+}
+
+/// Eight records in registers, or one in all lanes.
+pub struct Records8<F> {
+    pub position: [F; 3],
+    pub normal: [F; 3],
+    pub scale: F,
+    pub importance: F,
+    pub irradiance: [F; 3],
+}
+
+impl<F: F32x8> Records8<F> {
+    /// One record in all lanes.
+    #[inline(always)]
+    fn same(record: &FitRecord) -> Self {
+        let ([x, y, z, nx, ny, nz, scale, importance], [r, g, b, ..]) = (record.place, record.light);
+        Self {
+            position: [F::splat(x), F::splat(y), F::splat(z)],
+            normal: [F::splat(nx), F::splat(ny), F::splat(nz)],
+            scale: F::splat(scale),
+            importance: F::splat(importance),
+            irradiance: [F::splat(r), F::splat(g), F::splat(b)],
+        }
+    }
+}
+
+/// A record as fits read it: a cache line.
 #[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
 pub struct FitRecord {
-    pub position: [f32; 3],
-    pub normal: [f32; 3],
-    /// Inverse of the squared support.
-    pub scale: f32,
-    /// Factor of the weight.
-    pub importance: f32,
-    pub irradiance: [f32; 3],
+    /// Position, unit normal, inverse of the squared support, factor of the weight.
+    pub place: [f32; LANES],
+    /// Irradiance, and nothing more.
+    pub light: [f32; LANES],
+}
+
+impl FitRecord {
+    /// Too far away for anything, but its squared distance is a number still.
+    pub const NOWHERE: Self =
+        Self { place: [1e18, 1e18, 1e18, 0.0, 0.0, 0.0, 1.0, 0.0], light: [0.0; LANES] };
+
+    pub fn new(record: &Record) -> Self {
+        let Record { position: p, normal: n, irradiance: e, .. } = record;
+        let support = SUPPORT * record.reach;
+        Self {
+            place: [p.x, p.y, p.z, n.x, n.y, n.z, 1.0 / (support * support), record.importance()],
+            light: [e.x, e.y, e.z, 0.0, 0.0, 0.0, 0.0, 0.0],
+        }
+    }
 }
 
 impl<F: F32x8> Sums<F> {
@@ -128,7 +194,7 @@ impl<F: F32x8> Sums<F> {
     fn of(records: &RecordLanes, at: &Points8<F>) -> Self {
         let mut sums = Self::new();
         for record in &records.list {
-            sums.add(record, at);
+            sums.add(&Records8::same(record), at);
         }
         sums
     }
@@ -151,7 +217,7 @@ impl<F: F32x8> Sums<F> {
     }
 
     #[inline(always)]
-    fn add(&mut self, record: &FitRecord, at: &Points8<F>) {
+    fn add(&mut self, record: &Records8<F>, at: &Points8<F>) {
         let one = F::splat(1.0);
         let Offset { d, distance } = Offset::new(record, at);
         self.nearest = self.nearest.min(distance);
@@ -161,7 +227,7 @@ impl<F: F32x8> Sums<F> {
             return;
         }
         let closeness = closeness.max(F::splat(0.0));
-        let weight = closeness * closeness * F::splat(record.importance);
+        let weight = closeness * closeness * record.importance;
         let (x, y) = (dot(d, at.tangent), dot(d, at.bitangent));
         let (wx, wy) = (weight * x, weight * y);
         self.weight = self.weight + weight;
@@ -176,21 +242,36 @@ impl<F: F32x8> Sums<F> {
     }
 
     #[inline(always)]
-    fn add_light(&mut self, record: &FitRecord, weight: F, wx: F, wy: F, channel: usize) {
-        let light = F::splat(record.irradiance[channel]);
+    fn add_light(&mut self, record: &Records8<F>, weight: F, wx: F, wy: F, channel: usize) {
+        let light = record.irradiance[channel];
         self.light[channel] = self.light[channel] + weight * light;
         self.x_light[channel] = self.x_light[channel] + wx * light;
         self.y_light[channel] = self.y_light[channel] + wy * light;
     }
 
-    /// Takes away the records that stand at the points themselves, if any.
+    /// The sums over all lanes, in each of them.
     #[inline(always)]
-    fn leave_out(&mut self, points: &PointLanes) {
-        let weight = F::load(&points.left_out_weight);
-        self.weight = self.weight - weight;
-        self.light[0] = self.light[0] - F::load(&points.left_out_light[0]);
-        self.light[1] = self.light[1] - F::load(&points.left_out_light[1]);
-        self.light[2] = self.light[2] - F::load(&points.left_out_light[2]);
+    fn of_all_lanes(&self) -> Self {
+        Self {
+            weight: total(self.weight),
+            x: total(self.x),
+            y: total(self.y),
+            xx: total(self.xx),
+            xy: total(self.xy),
+            yy: total(self.yy),
+            light: totals(self.light),
+            x_light: totals(self.x_light),
+            y_light: totals(self.y_light),
+            nearest: F::splat(self.nearest.to_array().into_iter().fold(f32::MAX, f32::min)),
+        }
+    }
+
+    /// Takes away a record that stands at the points themselves.
+    #[inline(always)]
+    fn leave_out(&mut self, record: &Record) {
+        let (weight, light) = (record.importance(), vector::<F>(record.irradiance * record.importance()));
+        self.weight = self.weight - F::splat(weight);
+        self.light = sub(self.light, light);
     }
 
     /// The fitted planes.
@@ -249,15 +330,14 @@ struct Offset<F> {
 
 impl<F: F32x8> Offset<F> {
     #[inline(always)]
-    fn new(record: &FitRecord, at: &Points8<F>) -> Self {
-        let d = sub(splat(record.position), at.position);
-        let normal = splat::<F>(record.normal);
-        let (across, other) = (dot(d, at.normal), dot(d, normal));
+    fn new(record: &Records8<F>, at: &Points8<F>) -> Self {
+        let d = sub(record.position, at.position);
+        let (across, other) = (dot(d, at.normal), dot(d, record.normal));
         // The mean of both planes' distances vanishes along a curved surface.
         let across = (across + other) * F::splat(0.5);
         let flat = dot(d, d) + across * across * F::splat(ACROSS);
-        let turn = F::splat(1.0) - dot(normal, at.normal);
-        Self { d, distance: flat * F::splat(record.scale) + turn * F::splat(TURN) }
+        let turn = F::splat(1.0) - dot(record.normal, at.normal);
+        Self { d, distance: flat * record.scale + turn * F::splat(TURN) }
     }
 }
 
@@ -323,7 +403,13 @@ fn lanes_of<F: F32x8>(light: [F; 3]) -> [Vec3; LANES] {
     std::array::from_fn(|i| Vec3::new(r[i], g[i], b[i]))
 }
 
+/// The sum of all lanes, in each of them.
 #[inline(always)]
-fn splat<F: F32x8>(v: [f32; 3]) -> [F; 3] {
-    [F::splat(v[0]), F::splat(v[1]), F::splat(v[2])]
+fn total<F: F32x8>(lanes: F) -> F {
+    F::splat(lanes.to_array().into_iter().sum())
+}
+
+#[inline(always)]
+fn totals<F: F32x8>([x, y, z]: [F; 3]) -> [F; 3] {
+    [total(x), total(y), total(z)]
 }

@@ -29,8 +29,9 @@ use crate::stats::Stage;
 use bytemuck::allocation::zeroed_vec;
 use glam::Vec3;
 use kinds::{Kind, Kinds};
+use lanes::RecordLanes;
 use rayon::prelude::*;
-use tiles::{Field, Room, TilePoints};
+use tiles::{Field, TilePoints};
 
 /// Distances of the grids' points, pixels, from coarse to fine.
 const GRIDS: [u32; 4] = [16, 8, 4, 2];
@@ -153,9 +154,9 @@ impl<'v> Fields<'v> {
                 let pixels = self.open.pixels(tile);
                 self.kinds.sort_tile(self.view, self.visible, pixels, &mut rooms.open, &mut rooms.contacts);
                 let light = (&mut *irradiance, first);
-                self.open.fill(tile, &rooms.open, &mut rooms.room, light, &mut missing);
+                self.open.fill(tile, &rooms.open, &mut rooms.records, light, &mut missing);
                 let light = (&mut *irradiance, first);
-                self.contacts.fill(tile, &rooms.contacts, &mut rooms.room, light, &mut missing);
+                self.contacts.fill(tile, &rooms.contacts, &mut rooms.records, light, &mut missing);
             }
             missing
         };
@@ -179,7 +180,7 @@ impl<'v> Fields<'v> {
 /// What a worker keeps from tile to tile.
 #[derive(Debug, Default)]
 struct Rooms {
-    room: Room,
+    records: RecordLanes,
     open: TilePoints,
     contacts: TilePoints,
 }

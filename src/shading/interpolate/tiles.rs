@@ -2,8 +2,8 @@
 
 use super::around::Around;
 use super::diagnose::diagnose;
-use super::fit::SUPPORT;
-use super::lanes::{PointLanes, QuadLanes, RecordLanes};
+use super::fit::{FitRecord, SUPPORT};
+use super::lanes::{PointLanes, QuadLanes, RecordEights, RecordLanes};
 use super::lists::{Disc, Lists};
 use super::record::{Reaches, Record};
 use crate::gather::Estimate;
@@ -11,6 +11,7 @@ use crate::lanes::LANES;
 use crate::shading::diagnostics::Diagnostics;
 use crate::shading::points::{ShadingPoint, View};
 use crate::shading::visible::Visible;
+use crate::slices::prefetch;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -41,6 +42,8 @@ pub struct Field<'v> {
     visible: &'v Visible,
     reaches: Reaches,
     records: Vec<Record>,
+    /// The same as fits read them.
+    fits: Vec<FitRecord>,
     /// Records that reach into each tile.
     tiles: Lists,
     /// Records in each tile.
@@ -56,7 +59,7 @@ impl<'v> Field<'v> {
         let tile_rows = visible.height().div_ceil(TILE);
         let [tiles, own] = [(); 2].map(|()| Lists::new(columns, tile_rows, &[]));
         let reaches = Reaches::new(tolerance);
-        Self { view, visible, reaches, records: Vec::new(), tiles, own, columns, tile_rows }
+        Self { view, visible, reaches, records: Vec::new(), fits: Vec::new(), tiles, own, columns, tile_rows }
     }
 
     /// Tiles of the picture, numbered row by row.
@@ -90,24 +93,20 @@ impl<'v> Field<'v> {
 
     /// Of the points that `list` adds for a tile, those that no record reaches, tile by tile.
     pub fn uncovered(&self, list: impl Fn(usize, &mut Vec<u32>) + Sync) -> Vec<u32> {
-        let of_tile = |room: &mut Room, tile: usize| {
-            room.points.clear();
-            list(tile, &mut room.points);
-            if room.points.is_empty() {
-                return Vec::new();
+        let of_tile = |(points, records): &mut (Vec<u32>, RecordEights), tile: usize| {
+            points.clear();
+            list(tile, points);
+            if !points.is_empty() {
+                points.iter().for_each(|&point| prefetch(&self.visible.points, point as usize));
+                records.fill(self.tiles.get(tile), &self.fits);
+                points.retain(|&point| !records.reach(self.place(point)));
             }
-            self.fill_records(tile, &mut room.records);
-            let mut found = Vec::new();
-            for eight in room.points.chunks(LANES) {
-                let distances = self.point_lanes(eight).nearest(&room.records);
-                found.extend(eight.iter().zip(distances).filter(|(_, d)| *d > 1.0).map(|(&point, _)| point));
-            }
-            found
+            points.clone()
         };
         (0..self.tiles())
             .into_par_iter()
             .with_min_len(8)
-            .map_init(Room::default, of_tile)
+            .map_init(Default::default, of_tile)
             .flatten_iter()
             .collect()
     }
@@ -118,33 +117,29 @@ impl<'v> Field<'v> {
         &self,
         tile: usize,
         points: &TilePoints,
-        room: &mut Room,
+        records: &mut RecordLanes,
         (irradiance, first): (&mut [Vec3], usize),
         missing: &mut Vec<u32>,
     ) {
         if points.singles.is_empty() && points.quads.is_empty() {
             return;
         }
-        self.fill_records(tile, &mut room.records);
+        records.fill(self.tiles.get(tile), &self.fits);
         let mut set = |point: u32, light: Option<Vec3>, distance: f32| match light {
             Some(e) if distance < FARTHEST => irradiance[point as usize - first] = e,
             _ => missing.push(point),
         };
         for eight in points.singles.chunks(LANES) {
-            let fits = self.point_lanes(eight).fit(&room.records);
+            let fits = self.point_lanes(eight).fit(records);
             eight.iter().zip(fits).for_each(|(&point, fit)| set(point, fit.irradiance, fit.distance));
         }
         for eight in points.quads.chunks(LANES) {
-            for (quad, fit) in eight.iter().zip(self.quad_lanes(eight).fit(&room.records)) {
+            for (quad, fit) in eight.iter().zip(self.quad_lanes(eight).fit(records)) {
                 for (corner, &point) in quad.iter().enumerate() {
                     set(point, fit.irradiance.map(|light| light[corner]), fit.distance);
                 }
             }
         }
-    }
-
-    fn fill_records(&self, tile: usize, records: &mut RecordLanes) {
-        records.fill(self.tiles.get(tile).iter().map(|&r| &self.records[r as usize]));
     }
 
     fn point_lanes(&self, eight: &[u32]) -> PointLanes {
@@ -243,14 +238,12 @@ impl<'v> Field<'v> {
     /// neighbours.
     fn errors(&self) -> Vec<f32> {
         let mut errors = vec![0.0; self.records.len()];
-        let of_tile = |records: &mut RecordLanes, tile: usize, own: &[u32], list: &mut Vec<(u32, f32)>| {
-            self.fill_records(tile, records);
-            for eight in own.chunks(LANES) {
-                let lanes = PointLanes::without(eight.len(), |lane| &self.records[eight[lane] as usize]);
-                for (&r, fit) in eight.iter().zip(lanes.fit(records)) {
-                    let error = |predicted| relative_error(predicted, self.records[r as usize].irradiance);
-                    list.push((r, fit.irradiance.map_or(0.0, error)));
-                }
+        let of_tile = |records: &mut RecordEights, tile: usize, own: &[u32], list: &mut Vec<(u32, f32)>| {
+            records.fill(self.tiles.get(tile), &self.fits);
+            for &r in own {
+                let record = &self.records[r as usize];
+                let error = |predicted| relative_error(predicted, record.irradiance);
+                list.push((r, records.predict(record).map_or(0.0, error)));
             }
         };
         self.by_own_tile(of_tile).into_iter().for_each(|(r, error)| errors[r as usize] = error);
@@ -282,6 +275,8 @@ impl<'v> Field<'v> {
 
     fn set_reaches(&mut self, reaches: &[f32]) {
         self.records.iter_mut().zip(reaches).for_each(|(r, &reach)| r.reach = reach);
+        self.fits.clear();
+        self.fits.extend(self.records.iter().map(FitRecord::new));
     }
 
     fn tile_at(&self, record: &Record) -> Option<usize> {
@@ -311,13 +306,6 @@ impl<'v> Field<'v> {
         let tile = TILE as f32;
         Disc { x: at.x / tile, y: (at.y - self.visible.rows.start as f32) / tile, radius: radius / tile }
     }
-}
-
-/// What a worker keeps from tile to tile.
-#[derive(Debug, Default)]
-pub struct Room {
-    records: RecordLanes,
-    points: Vec<u32>,
 }
 
 /// Points of a tile that want a fit.

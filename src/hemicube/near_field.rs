@@ -115,7 +115,6 @@ impl NearField<'_> {
         let mut looks = Vec::new();
         // A face's rays are all followed before the first one's light is needed: it comes from memory meanwhile.
         let mut waiting = WAITING.take();
-        let background = self.light.accel.scene().background;
         for face in 0..FACES {
             let depths = depths(face);
             let mut edges = edges(&depths, n, rows(face, weights.resolution) as usize);
@@ -149,22 +148,34 @@ impl NearField<'_> {
                 rays += 1;
                 waiting.push(Waiting { pixel: i, rise, looking });
             }
-            for Waiting { pixel: i, rise, looking } in waiting.drain(..) {
-                let radiance =
-                    looking.met.map_or(background, |met| self.light.radiance(|| looking.ray, &met));
-                change.radiance += weights.face(face)[i] * (radiance - drawn(face, i % n, i / n).radiance);
-                if let Some(look) = looks.get_mut(i) {
-                    *look = Some(Look { radiance, rise });
-                }
-            }
+            let shown = |i: usize| drawn(face, i % n, i / n).radiance;
+            self.receive(&mut waiting, weights.face(face), shown, &mut looks, &mut change.radiance);
             if rise.is_some() {
-                let radiance = |i: usize| drawn(face, i % n, i / n).radiance;
-                change.radiance += rise::moved(&looks, weights.face(face), n, radiance);
+                change.radiance += rise::moved(&looks, weights.face(face), n, shown);
             }
         }
         WAITING.set(waiting);
         self.rays.fetch_add(rays, Ordering::Relaxed);
         change
+    }
+
+    /// Adds to `change` what the light that a face's rays wait for is more than what was drawn, and notes it where looks are kept.
+    fn receive(
+        &self,
+        waiting: &mut Vec<Waiting>,
+        weights: &[f32],
+        drawn: impl Fn(usize) -> Vec3,
+        looks: &mut [Option<Look>],
+        change: &mut Vec3,
+    ) {
+        let background = self.light.accel.scene().background;
+        for Waiting { pixel, rise, looking } in waiting.drain(..) {
+            let radiance = looking.met.map_or(background, |met| self.light.radiance(|| looking.ray, &met));
+            *change += weights[pixel] * (radiance - drawn(pixel));
+            if let Some(look) = looks.get_mut(pixel) {
+                *look = Some(Look { radiance, rise });
+            }
+        }
     }
 
     /// Whether a surfel that was drawn at an inverse depth is not there, by the ray that saw another one, and is so large that it

@@ -16,25 +16,32 @@ pub struct PixelBounds<F> {
 /// Whether some of eight splats may stand on a face, one bit each: a cheap test before [`PixelBounds::new`].
 #[inline(always)]
 pub fn on_face<F: F32x8, const FACE: usize>(extent: &Extent<F>) -> u32 {
-    let [right, up, forward] = AXES[FACE];
+    let [right, up, _] = AXES[FACE];
     let (c, half) = (&extent.centre, &extent.half);
-    let ahead = if FORWARD[FACE] > 0.0 { c[forward] } else { c[forward].negate() };
-    let far = ahead + half[forward];
+    let [_, far] = depths::<F, FACE>(extent);
     let aside = c[right].abs() - half[right];
     let above = if FACE == 0 { c[up].abs() } else { c[up] } - half[up];
     // Pixels see no further aside than ahead.
     far.gt(F::splat(0.0)).and(aside.max(above).le(far)).bits()
 }
 
+/// How far ahead of a face's eye splats begin and end.
+#[inline(always)]
+fn depths<F: F32x8, const FACE: usize>(extent: &Extent<F>) -> [F; 2] {
+    let [_, _, forward] = AXES[FACE];
+    let (centre, half) = (extent.centre[forward], extent.half[forward]);
+    let ahead = if FORWARD[FACE] > 0.0 { centre } else { centre.negate() };
+    [ahead - half, ahead + half]
+}
+
 impl<F: F32x8> PixelBounds<F> {
     /// The bounds of splats on an N x N face.
     #[inline(always)]
     pub fn new<const FACE: usize>(extent: &Extent<F>, resolution: f32) -> Self {
-        let [right, up, forward] = AXES[FACE];
+        let [right, up, _] = AXES[FACE];
         let (c, half) = (&extent.centre, &extent.half);
-        let ahead = if FORWARD[FACE] > 0.0 { c[forward] } else { c[forward].negate() };
         let aside = if RIGHT[FACE] > 0.0 { c[right] } else { c[right].negate() };
-        let (near, far) = (ahead - half[forward], ahead + half[forward]);
+        let [near, far] = depths::<F, FACE>(extent);
         let depths = Depths {
             by_near: near.recip(),
             by_far: far.recip(),
@@ -70,10 +77,9 @@ impl<F: F32x8> Slab<F> {
     /// The slabs of splats on an N x N face.
     #[inline(always)]
     pub fn new<const FACE: usize>(extent: &Extent<F>, resolution: f32) -> Self {
-        let [_, up, forward] = AXES[FACE];
+        let [_, up, _] = AXES[FACE];
         let (c, half) = (&extent.centre, &extent.half);
-        let ahead = if FORWARD[FACE] > 0.0 { c[forward] } else { c[forward].negate() };
-        let (near, far) = (ahead - half[forward], ahead + half[forward]);
+        let [near, far] = depths::<F, FACE>(extent);
         let slack = far * F::splat(2.0 * SLACK / resolution);
         let reach = half[up] + slack;
         Self { low: c[up] - reach, high: c[up] + reach, near, far }

@@ -137,11 +137,7 @@ impl Raster {
             let (mut depth, mut marks) = (F::load(&self.depth[row]), F::Whole::load(&self.marks[row]));
             for &place in self.bins.row(row) {
                 let (z, within) = self.local.cover::<F, FACE, TRIANGLE>(place.into(), &directions);
-                // Splat after splat waits for the depth so far: the way from one to the next is kept short.
-                let z = within.keep(z);
-                let wins = z.gt(depth);
-                depth = z.max(depth);
-                marks = wins.select_whole(self.local.mark(place.into()), marks);
+                (depth, marks) = nearer((z, within), self.local.mark(place.into()), (depth, marks));
             }
             depth.store(&mut self.depth[row]);
             marks.store(&mut self.marks[row]);
@@ -183,10 +179,10 @@ impl Raster {
             let u = F::load(&self.u[b]) * F::splat(RIGHT[FACE]);
             let (z, within) = self.local.cover::<F, FACE, TRIANGLE>(place, &Directions { u, v });
             let (depth, marks) = (&mut self.depth[row + b], &mut self.marks[row + b]);
-            let old = F::load(depth);
-            let wins = within.and(z.gt(old));
-            wins.select(z, old).store(depth);
-            wins.select_whole(self.local.mark(place), F::Whole::load(marks)).store(marks);
+            let before = (F::load(depth), F::Whole::load(marks));
+            let (nearest, winners) = nearer((z, within), self.local.mark(place), before);
+            nearest.store(depth);
+            winners.store(marks);
         }
     }
 
@@ -196,6 +192,18 @@ impl Raster {
         let v = (2 * y + 1) as f32 * (1.0 / self.resolution as f32);
         if face == 0 { v - 1.0 } else { v }
     }
+}
+
+/// Depths and winners of eight pixels after a splat, of inverse depth `z` where it is `within` a pixel. Splat after splat waits for
+/// the depths so far: the way from one to the next is kept short.
+#[inline(always)]
+fn nearer<F: F32x8>(
+    (z, within): (F, F::Mask),
+    mark: F::Whole,
+    (depth, marks): (F, F::Whole),
+) -> (F, F::Whole) {
+    let z = within.keep(z);
+    (z.max(depth), z.gt(depth).select_whole(mark, marks))
 }
 
 /// Whole numbers from 0 to `most`.

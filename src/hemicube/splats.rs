@@ -2,7 +2,6 @@
 
 use super::atlas::EMPTY;
 use crate::lanes::LANES;
-use crate::slices::prefetch;
 use crate::surfel::cloud::{FLAG_CULL_BACK, Splat, SurfelShape};
 
 /// Eight splats as structure of arrays.
@@ -19,9 +18,6 @@ pub struct SplatBlock {
     /// What the rasteriser writes for the front and for the back: 2 (place in the list + 1), and 1 more.
     pub mark: [[u32; LANES]; 2],
 }
-
-/// Drawables of a cut stand all over a large cloud: they are asked for from memory so many places ahead.
-const AHEAD: usize = 4 * LANES;
 
 /// Nothing sees these: a radius of minus infinity stays behind every horizon.
 const NOTHING: SplatBlock = SplatBlock {
@@ -53,10 +49,6 @@ impl SplatLanes {
         self.ids.extend(cut.iter().map(|drawable| drawable + 1));
         for (b, eight) in cut.chunks(LANES).enumerate() {
             let mut block = NOTHING;
-            cut.iter()
-                .skip(b * LANES + AHEAD)
-                .take(LANES)
-                .for_each(|&later| prefetch(splats, later as usize));
             for (lane, &drawable) in eight.iter().enumerate() {
                 block.set(lane, &splats[drawable as usize], (b * LANES + lane) as u32);
             }

@@ -5,7 +5,7 @@ use crate::lanes::{self, F32x8, LANES, LaneTask, Mask8, dot, sub, vector};
 use glam::Vec3;
 
 /// Further away than anything, scene units; its square is a number still.
-const FAR: f32 = 1e18;
+pub(super) const FAR: f32 = 1e18;
 
 /// Records number by number, in eights.
 #[derive(Debug, Default)]

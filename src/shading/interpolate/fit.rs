@@ -1,5 +1,6 @@
 //! The weighted linear least-squares fit through the records around a point.
 
+use super::around::FAR;
 use super::lanes::{EightRecords, PointLanes, QuadLanes, RecordLanes};
 use super::record::Record;
 use crate::lanes::{F32x8, LANES, Mask8, dot, sub, vector};
@@ -175,9 +176,8 @@ pub struct FitRecord {
 }
 
 impl FitRecord {
-    /// Too far away for anything, but its squared distance is a number still.
-    pub const NOWHERE: Self =
-        Self { place: [1e18, 1e18, 1e18, 0.0, 0.0, 0.0, 1.0, 0.0], light: [0.0; LANES] };
+    /// Too far away for anything.
+    pub const NOWHERE: Self = Self { place: [FAR, FAR, FAR, 0.0, 0.0, 0.0, 1.0, 0.0], light: [0.0; LANES] };
 
     pub fn new(record: &Record) -> Self {
         let Record { position: p, normal: n, irradiance: e, .. } = record;
